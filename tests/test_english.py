@@ -16,7 +16,7 @@ FILES = sorted(
 _FOR_PEOPLE = re.compile(
     r"\b(hears?|heard|doubts|doubted|knows|knew|strangers?|looks? at|looked at)\b", flags=re.IGNORECASE
 )
-_JOINED = re.compile(r"[\w)\]`][\"']*;(\s|$)")
+_JOINED = re.compile(r"[\w%)\]`][\"']*;(\s|$)")
 _ELLIPSIS = re.compile(r"[a-z](…|\.\.\.(\s|$))")
 _TEXTS = {tokenize.COMMENT, tokenize.STRING, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
 

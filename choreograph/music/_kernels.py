@@ -1,4 +1,4 @@
-"""Numba kernels that find beats by dynamic programming: of the beat tracker, and of the bar pointer."""
+"""Numba kernels of the dynamic programming of the beat tracker and of the bar pointer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from choreograph.core.numerics import Floats, Indices
 
 Complexes = NDArray[np.complex128]
 
-_NONE = 0  # the first beat: no interval before it
+_NONE = 0  # the first beat, which has no interval before it
 
 
 @njit(nogil=True)
@@ -24,14 +24,14 @@ def best_beat_sequence(
 ) -> Indices:
     """Frames of the beat sequence with the highest score over the whole song.
 
-    A state is a beat at frame t whose interval back is p frames. It scores p times (strength[t] +
-    tempo_gain there), so the total is a time average and a fast tempo gains nothing by having more
-    beats. Changing p costs `change_penalty` · p · (relative change)², the first half frame free
+    A state is a beat at frame t whose interval to the previous beat is p frames. Its score is p times
+    (strength[t] + tempo_gain there). So the total is a time average, and a fast tempo has no advantage from
+    more beats. A change of p costs `change_penalty` · p · (relative change)², the first half frame free
     because the frame grid forces it. For `new_tempo_penalty`, p may change to any value, as at the start of
     another piece of music.
 
-    strength (T,), tempo_gain (G, P): column i is the period first_period + i, row j the frames from
-    j · gain_hop on. Returns int64 (Q,), at least one.
+    Shapes are strength (T,) and tempo_gain (G, P). Column i of the latter is the period first_period + i, and
+    row j the frames from j · gain_hop on. Returns int64 (Q,), at least one frame.
     """
     n_frames, n_periods = len(strength), tempo_gain.shape[1]
     last_period = first_period + n_periods - 1
@@ -45,7 +45,7 @@ def best_beat_sequence(
         for i in range(n_periods):
             period = first_period + i
             gain = strength[t] + gains[i]
-            if t < period:  # for a first beat only the part of its interval inside the song counts
+            if t < period:  # of the interval of a first beat, only the part inside the song counts
                 row[i] = (t + 1) * gain
                 continue
             previous_scores = ring[(t - period) % (last_period + 1)]
@@ -166,8 +166,11 @@ def best_bar_sequence(
 
 @njit(nogil=True)
 def _phase_steps(first_period: int, n_periods: int, metres: Indices) -> tuple[Complexes, Complexes]:
-    """Of the phases in beat and bars that run through each interval: their turn from frame to frame, and one
-    over the phase of the interval's last frame, (P, 1 + M) unit complex numbers each."""
+    """The phases in beat and bars that run through each interval, (P, 1 + M) unit complex numbers each.
+
+    Returns their rotation from frame to frame, and the inverse of the phase in the last frame of the
+    interval.
+    """
     turns = np.empty((n_periods, 1 + len(metres)), np.complex128)
     newest = np.empty_like(turns)
     for i in range(n_periods):
@@ -189,10 +192,10 @@ def _slide(
     t: int,
     first_period: int,
 ) -> None:
-    """Move the sums over the interval that ends at frame t - 1, for each of its lengths, on to frame t.
+    """Update the sums over the interval that ends at frame t - 1 to frame t, for each of its lengths.
 
-    `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval: a frame leaves
-    at phase 0, all phases turn, and a frame comes in. `metre_sums` (P, M) are those of `metre_gain`.
+    `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval. One frame leaves
+    at phase 0, all phases rotate, and one frame enters. `metre_sums` (P, M) are those of `metre_gain`.
     """
     n_frames = len(vectors)
     for i in range(len(sums)):

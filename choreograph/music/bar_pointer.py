@@ -1,13 +1,13 @@
-"""From curves of beat and bar phase to counts: the bar pointer.
+"""The bar pointer, which decodes counts from curves of beat and bar phase.
 
 A pointer runs through the bar at a tempo that changes slowly. A network estimates from motion or music, for
 each frame, where in the beat and where in the bar the frame is. The counts are the best path of the pointer
 through all frames. The path bridges stretches without evidence, and it decides between tempi and metres by
 all frames together.
 
-After Whiteley, Cemgil and Godsill, *Bayesian modelling of temporal structure in musical audio* (2006), with
-the tempo constant within a beat as in Krebs, Böck and Widmer, *An efficient state-space model for joint tempo
-and meter tracking* (2015). Ours differs in what is observed: phases with a concentration (a von Mises
+The model is that of Whiteley, Cemgil and Godsill, *Bayesian modelling of temporal structure in musical audio*
+(2006), with a constant tempo within a beat as in Krebs, Böck and Widmer, *An efficient state-space model for
+joint tempo and meter tracking* (2015). Unlike theirs, it observes phases with a concentration (a von Mises
 likelihood) instead of onset strength.
 """
 
@@ -28,21 +28,22 @@ from choreograph.core.timebase import frame_times_s, frames_to_seconds, times_to
 from choreograph.music._kernels import best_bar_sequence
 
 METRES = (3, 4)
-_BREAK_LOG_RATIO = 0.2  # of intervals between which the tempo does not run on
-# Length of the curves that give the uncertainty of the count in their middle: errors come in long stretches.
+_BREAK_LOG_RATIO = 0.2  # of two intervals between which the tempo is not continued
+# Length of the curves from which the uncertainty of a count is computed. Errors occur in long stretches.
 _UNCERTAINTY_S = 8.0
 
 
 @dataclass(frozen=True, eq=False)
 class PhaseCurves:
-    """What is known of the phase at every frame, by vectors.
+    """The estimated phase at every frame, as vectors.
 
-    The direction of a vector is a phase (0 on the beat, or on count 1), its length the concentration of a von
-    Mises distribution around it: 0 where nothing is known. Of 3, half of the errors are below 1/15 turn.
+    The direction of a vector is a phase (0 on the beat, or on count 1). Its length is the concentration of a
+    von Mises distribution around it, or 0 if nothing is known. With a length of 3, half of the errors are
+    below 1/15 turn.
     """
 
     beat: Floats  # (T, 2) cos and sin of the phase in the beat, times concentration
-    bar: Floats  # (T, M, 2) the same of the phase in the bar, for each metre, should it be the right one
+    bar: Floats  # (T, M, 2) the same for the phase in the bar, if the metre is the right one
     fps: float
     metres: tuple[int, ...] = METRES  # (M,) counts in the bar
 
@@ -63,11 +64,11 @@ class PhaseCurves:
 
 @dataclass(frozen=True)
 class PointerConfig:
-    """How the pointer may move."""
+    """The motion of the pointer."""
 
     bpm: tuple[float, float] = (50.0, 220.0)  # slowest and fastest tempo
     tempo_std: float = 0.02  # of the relative change of the beat interval from beat to beat
-    break_cost: float = 12.0  # nats, for which any tempo, metre and number may follow
+    break_cost: float = 12.0  # nats, of a change to any tempo, metre and number
     observations_per_s: float = 4.0  # neighbouring frames have similar errors: so many count in a second
     grid_fps: float = 120.0  # of the grid of the path's beats. Time grows with its square
 
@@ -86,11 +87,11 @@ class PointerConfig:
 
 @dataclass(frozen=True, eq=False)
 class DecodedCounts:
-    """Counts, and how well the curves agree with them."""
+    """Counts, and their agreement with the curves."""
 
     counts: Counts
     beat_agreement: Floats  # (T,) -1 … 1, cosine between the curve's and the counts' phase in the beat
-    bar_agreement: Floats  # (T,) the same for the bar, of the metre counted there
+    bar_agreement: Floats  # (T,) the same for the bar, in the metre of the counts there
 
 
 def decode_counts(
@@ -102,8 +103,9 @@ def decode_counts(
     in which it counts, relative to a uniform phase, minus the costs of changes. The counts of the best path
     are then moved off the grid of its frames, to where they agree best with the curves and an even tempo.
 
-    Returns counts in seconds from the first frame, all of them within the frames, with the metre of most. The
-    numbers may run on in another after a break. Their confidence is left at 0. None where no frame is given.
+    Returns counts in seconds from the first frame, all of them within the frames, with the metre of most of
+    them. After a break, the numbers may be in another metre. Their confidence is left at 0. There are no
+    counts without frames.
     """
     config = config or PointerConfig()
     n_frames = len(curves.beat)
@@ -128,10 +130,10 @@ def decode_counts(
 
 
 def count_uncertainty(decoded: DecodedCounts, fps: float) -> Floats:
-    """How far phase curves at `fps` disagree around each count read from them, (Q,) from 0 to 1.
+    """The disagreement of phase curves at `fps` with each count decoded from them, (Q,) from 0 to 1.
 
-    (1 - c) / 2, where c is the mean cosine between the curves' and the counts' phases, beat and bar alike,
-    over the 8 s around the count, or what there is of them: ½ where the curves know nothing.
+    It is (1 - c) / 2, where c is the mean cosine between the phases of the curves and of the counts, in beat
+    and bar, over the 8 s around the count or the part of them that exists. Without evidence it is ½.
     """
     agreement = 0.5 * (decoded.beat_agreement + decoded.bar_agreement)
     total = np.append(0.0, np.cumsum(agreement))
@@ -142,19 +144,19 @@ def count_uncertainty(decoded: DecodedCounts, fps: float) -> Floats:
 
 
 def _on_grid(vectors: Floats, fps: float, grid_fps: float) -> Floats:
-    """Vectors (T, ...) of frames, linearly interpolated at the grid's rate, over the same span."""
+    """Vectors (T, ...) of frames, interpolated linearly at the rate of the grid over the same span."""
     n_grid = max(1, round(len(vectors) * grid_fps / fps))
     return interpolate_frames(vectors, times_to_frames(frame_times_s(n_grid, grid_fps), fps))
 
 
 def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of every state the column of its metre and its number in the bar, (S,) each."""
+    """The column of the metre and the number in the bar of every state, (S,) each."""
     column = np.repeat(np.arange(len(metres)), metres)
     return column, np.concatenate([np.arange(1, metre + 1) for metre in metres])
 
 
 def _log_i0(concentration: Floats) -> Floats:
-    """Logarithm of the modified Bessel function: the normalisation of a von Mises density."""
+    """Logarithm of the modified Bessel function, which normalises a von Mises density."""
     log_i0: Floats = np.log(i0e(concentration)) + concentration
     return log_i0
 
@@ -179,7 +181,7 @@ def _agreements(
 
 
 def _place(bounds_s: Floats, n_frames: int, fps: float) -> tuple[NDArray[np.int64], Floats]:
-    """Where each frame lies among intervals: which one, and how far through it (0 … 1), (T,) each."""
+    """The interval of each frame, and the position in it (0 … 1), (T,) each."""
     frames_s = frame_times_s(n_frames, fps)
     interval = np.clip(np.searchsorted(bounds_s, frames_s, side="right") - 1, 0, len(bounds_s) - 2)
     return interval, (frames_s - bounds_s[interval]) / np.diff(bounds_s)[interval]
@@ -192,7 +194,7 @@ def _evened(
     """Bounds (Q + 1,) shifted to maximise the likelihood of the beat's phases under a smooth tempo.
 
     The von Mises likelihood of a shift is nearly a Gaussian, and so is the change of the interval from beat
-    to beat, so this is one linear system. A bound without evidence is carried by its neighbours. Nothing is
+    to beat, so this is one linear system. A bound without evidence moves with its neighbours. Nothing is
     smoothed across a break.
     """
     interval, in_beat = _place(bounds_s, len(curves.beat), curves.fps)
@@ -204,7 +206,7 @@ def _evened(
     np.add.at(sums, interval, (1 - in_beat) * ahead)
     np.add.at(sums, interval + 1, in_beat * ahead)
     periods_s = np.diff(bounds_s)
-    # At every bound but the ends: does the tempo run on there?
+    # Whether the tempo is continued at every bound except the ends.
     follows = (numbers[1:] == numbers[:-1] % metres[:-1] + 1) & (metres[1:] == metres[:-1])
     follows &= np.abs(np.log(periods_s[1:] / periods_s[:-1])) < _BREAK_LOG_RATIO
     period_s = np.gradient(bounds_s)  # (Q + 1,) around each bound

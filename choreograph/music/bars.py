@@ -1,4 +1,4 @@
-"""Bars of a song: the number of each beat in its bar, by the evidence in the music."""
+"""Bars of a song: the number of each beat in its bar, estimated from the music."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEI
 from choreograph.music.beats import checked_beat_times_s
 from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz
 
-# What the music does at every beat: the evidence from which bars are told.
+# Features of the music at every beat, from which bars are estimated.
 #
-# Downbeats carry the kick and the bass, harmony changes on them, and the patterns of a bar come again a bar
-# later. So every beat gets accents in five bands (on it and half-way to the next), levels, changes of
-# harmony, bass and timbre, and how much the music is like itself some beats later.
+# Kick and bass are on downbeats, harmony changes there, and the patterns of a bar are repeated a bar later.
+# So every beat gets accents in five bands (on it and halfway to the next), levels, changes of harmony, bass
+# and timbre, and the similarity of the music to that some beats later.
 
 
 _BANDS_HZ = (0.0, 120.0, 250.0, 1000.0, 4000.0, 11025.0)  # kick, bass, chords, melody, percussion
-_FLOOR = 60.0 / (10.0 / np.log(10.0))  # 60 dB below the song's maximum, in natural log of power
+_FLOOR = 60.0 / (10.0 / np.log(10.0))  # 60 dB below the song's maximum, as the natural logarithm of power
 _BEFORE, _AFTER = 2, 4  # frames around a beat in which its onset peaks
-_SPECTRUM = 8192  # samples, 0.37 s: the longest window of a beat's spectrum
+_SPECTRUM = 8192  # samples, 0.37 s, of the longest window of a beat's spectrum
 _BASS_HZ, _HARMONY_HZ = (40.0, 260.0), (200.0, 2000.0)
 _COMPRESSION = 100.0  # of chroma, relative to its largest value in the song: log(1 + 100 c)
 _NORM_BEATS = 24  # whole bars of three and of four
 _CLIP = 3.0
-_BAR_BEATS = 3  # that a chord lasts at least
-_BLOCK_BEATS = 512  # whose spectra are in memory at a time
+_BAR_BEATS = 3  # the shortest duration of a chord
+_BLOCK_BEATS = 512  # whose spectra are in memory at the same time
 
 _BAND_NAMES = ("kick", "bass", "chords", "melody", "high")
 ACCENT_NAMES = (
@@ -58,8 +58,8 @@ def beat_evidence(
 ) -> tuple[Floats, Floats]:
     """Accents (Q, 20) and repeats (Q, 30) of two beats or more, as named above. They do not depend on gain.
 
-    Accents are normal over the 24 beats around. A repeat is the product of two beats' accents, or of what
-    is not common to all beats in their harmony or timbre.
+    Accents are normalised over the 24 beats around. A repeat is the product of the accents of two beats, or
+    of the deviations of their harmony or timbre from the mean of all beats.
     """
     floor = log_mel.max() - _FLOOR
     bounds_s = np.append(beat_times_s, 2 * beat_times_s[-1] - beat_times_s[-2])  # (Q + 1,)
@@ -144,7 +144,7 @@ def _chroma_banks() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def _change(rows: Floats, span: int) -> Floats:
-    """How different the `span` beats from each beat on are from those before it, 0 to 2, (Q,)."""
+    """Difference of the `span` beats from each beat on to those before it, 0 to 2, (Q,)."""
     sums = np.cumsum(np.vstack([np.zeros((1, rows.shape[1])), rows]), axis=0)
     index = np.arange(len(rows))
     after = sums[np.minimum(index + span, len(rows))] - sums[index]
@@ -188,22 +188,22 @@ def _repeat(rows: Floats, lag: int) -> Floats:
     return out / np.maximum(count, 1)
 
 
-# Bars of a song: which number each of its beats has, by what the music does there.
+# Bars of a song: the number of each of its beats, by the features of the music there.
 #
-# A linear model says how well each beat's evidence (`music.bars`) suits each of seven states: beat
-# 1, 2, 3 of a bar of three, and 1, 2, 3, 4 of a bar of four. The best path through the states is the song's
-# bars: number follows number, save where the tracker has dropped or added a beat, where music begins with a
-# pick-up, or where the metre changes. Each costs. Two in a bar is counted as four (two bars as one), six as
-# three (one bar as two): dancers do so, too.
+# A linear model gives the evidence of each beat for each of seven states: beat 1, 2, 3 of a bar of three, and
+# 1, 2, 3, 4 of a bar of four. The bars of the song are the best path through the states. Number follows
+# number, except where the tracker has dropped or added a beat, where music begins with a pick-up, or where
+# the metre changes. Each exception has a cost. Two in a bar are counted as four (two bars as one), and six as
+# three (one bar as two), as dancers do.
 #
-# The model was fitted to synthetic songs alone (`research/fit_bars.py`), so every real song is unseen.
+# The model was fitted to synthetic songs alone (`research/fit_bars.py`), so no real song was in its training.
 
 
 _MIN_BEATS = 4  # one bar
 STATE_METRE = np.array([3, 3, 3, 4, 4, 4, 4])
 STATE_NUMBER = np.array([1, 2, 3, 1, 2, 3, 4])
-_P_IRREGULAR = 1e-3  # a bar is cut short or goes on
-_P_CHANGE = 1e-5  # the other metre follows a whole bar
+_P_IRREGULAR = 1e-3  # that a bar is shorter or longer
+_P_CHANGE = 1e-5  # that a whole bar is followed by the other metre
 
 
 def track_bars(
@@ -261,7 +261,7 @@ def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, met
 
 
 def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
-    """The best path of states (Q,), and its log margin over the best that differs from it at every beat."""
+    """The best path of states (Q,), and its log margin over the best path with no state in common."""
     from scipy.special import softmax
 
     from choreograph.music.cached_librosa import librosa  # a second to import
@@ -275,7 +275,7 @@ def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
 
 
 def _transition() -> Floats:
-    """Probabilities (7, 7) of going from state to state between two beats."""
+    """Transition probabilities (7, 7) between the states of two beats."""
     same_metre = STATE_METRE[:, None] == STATE_METRE
     last = STATE_NUMBER == STATE_METRE
     out = np.where(same_metre, _P_IRREGULAR, 0.0)
@@ -287,6 +287,6 @@ def _transition() -> Floats:
 
 
 def _confidence(margin: float, n_beats: int) -> float:
-    """Probability that bars are right: of noise the margin grows with the root of the number of beats."""
+    """Probability that bars are right. The margin of noise grows with the root of the number of beats."""
     offset, slope = CONFIDENCE
     return float(1.0 / (1.0 + np.exp(-(offset + slope * margin / np.sqrt(n_beats)))))

@@ -1,4 +1,4 @@
-"""Beats of a song: by the tempo path (the default), librosa or beat-this, or from a file."""
+"""Beats of a song by the tempo path (the default), by librosa or beat-this, or from a file."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from choreograph.music._kernels import best_beat_sequence
 from choreograph.music.mel import MEL_BANDS, autocorrelations, mel_band_hz, onset_envelopes
 from choreograph.music.song import Song
 
-# Beat tracking of music whose tempo may change: tempo and beats are tracked together.
+# Beat tracking of music whose tempo may change. Tempo and beats are tracked together.
 #
-# librosa's tracker assumes one tempo for the whole song and loses a ramp from 90 to 140 BPM half-way.
-# Here every interval may differ a little from the one before, guided by the local autocorrelation of the
-# onsets: dynamic programming over beat time and interval, after Ellis, *Beat tracking by dynamic
-# programming*, 2007, with the interval as part of the state. Where another piece of music begins, as in a
-# medley, the interval may become any other at a fixed price.
+# librosa's tracker assumes one tempo for the whole song and fails halfway through a ramp from 90 to 140 BPM.
+# Here every interval may differ a little from the one before, according to the local autocorrelation of the
+# onsets. The method is dynamic programming over beat time and interval, after Ellis, *Beat tracking by
+# dynamic programming*, 2007, with the interval as part of the state. Where another piece of music begins, as
+# in a medley, the interval may change to any other at a fixed cost.
 
 
 _SHORTEST_PERIOD, _LONGEST_PERIOD = 15, 80  # frames between beats at 60 fps: 240 to 45 BPM
 _BANDS_HZ = (0.0, 120.0, 250.0, 2000.0, 11025.0)  # kick, bass, melody, percussion
 _BAND_WEIGHTS = (0.4, 0.2, 0.2, 0.2)  # the kick decides which of two even pulses is the beat
 _LEVEL_S = 8.0  # span of the local level normalisation
-_COMPRESSION = 0.6  # exponent of the strength: a loud accent need not be a beat
-_CONTEXT_S = 8.0  # length of music that the local tempo is estimated from
+_COMPRESSION = 0.6  # exponent of the strength, since a loud accent need not be a beat
+_CONTEXT_S = 8.0  # length of the music from which the local tempo is estimated
 _TEMPO_HOP = 30  # frames between two tempo estimates
 _TEMPO_WEIGHT = 1.5  # of the autocorrelation, relative to the onset strength at the beats
 _CHANGE_PENALTY = 1000.0
@@ -48,9 +48,8 @@ _LAG_S = 0.011
 def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """Beats in seconds, (Q,), throughout a song, or empty if it is silent.
 
-    `log_mel` (T, 96) as `music.mel.log_mel` returns it. Settings were tuned on synthetic drum
-    loops and on real songs of known dance tempo, none of them from a benchmark. Raises
-    `ParameterError` for another shape.
+    `log_mel` (T, 96) is the result of `music.mel.log_mel`. Settings were tuned on synthetic drum loops and on
+    real songs of known dance tempo, none of them from a benchmark. Raises `ParameterError` for another shape.
     """
     log_mel = np.asarray(log_mel, np.float32)
     if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
@@ -72,8 +71,8 @@ def path_of(strength: NDArray[np.floating]) -> NDArray[np.float64]:
 def onset_strength(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """Onset strength: rise of amplitude in four bands, level-normalised over 8 s, summed: (T,) at 60 fps.
 
-    Amplitude rather than its logarithm: in the logarithm an open hat or a bass note between the beats
-    rises as much as the kick on them, and the tracker slips by half a period.
+    The amplitude is used and not its logarithm. In the logarithm, an open hat or a bass note between the
+    beats rises as much as the kick on them, and the tracker slips by half a period.
     """
     hz = mel_band_hz()
     total = np.zeros(len(log_mel))
@@ -99,7 +98,7 @@ def level_normalized(strength: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _tempo_gain(strength: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Score of each period beside the onsets, (G, P): weighted autocorrelation plus the log tempo prior."""
+    """Score of each period, (G, P): weighted autocorrelation of the onsets plus the log tempo prior."""
     periods = np.arange(_SHORTEST_PERIOD, _LONGEST_PERIOD + 1)
     centres = np.arange(0, len(strength), _TEMPO_HOP)
     autocorrelation = autocorrelations(strength[:, None], centres, _CONTEXT_S)[:, 0, periods]  # (G, P)
@@ -109,11 +108,11 @@ def _tempo_gain(strength: NDArray[np.float64]) -> NDArray[np.float64]:
 
 # Beat trackers behind one interface: the tempo path (default), librosa, or beat-this (an extra).
 #
-# Every tracker makes mistakes, octave errors (half or double tempo) above all. So all later stages take
-# beats as an argument and accept better ones.
+# Every tracker makes errors, most often octave errors (half or double tempo). So all later stages take beats
+# as an argument and accept better ones.
 
 
-_MIN_DURATION_S = 1.0  # anything shorter may hold fewer than two beats, so no tempo
+_MIN_DURATION_S = 1.0  # a shorter song may have fewer than two beats, and so no tempo
 # The tempo prior decides between octaves. librosa's defaults (120 BPM, one octave) put half of the slow
 # waltzes (84 to 90 BPM) at double tempo.
 _STEADY_PRIOR_BPM, _STEADY_PRIOR_OCTAVES = 100.0, 0.7
@@ -122,18 +121,18 @@ _ONSET_LEAD_S = 1.0 / MUSIC_FPS  # the log power of a 93 ms window rises this lo
 
 
 class BeatTracker(Protocol):
-    """Anything that finds the beats of a song."""
+    """The interface of beat trackers."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
         """Increasing beat times in seconds, (Q,), or empty if the song is silent.
 
-        `log_mel` (T, 96) of the song, as `music.mel.log_mel` returns it.
+        `log_mel` (T, 96) is that of the song, of `music.mel.log_mel`.
         """
         ...
 
 
 class TempoPathBeats:
-    """Beats and a varying tempo, tracked together: see `music.beats`."""
+    """Tracks beats and a varying tempo together (see `music.beats`)."""
 
     def beats(self, song: Song, log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
         """The song's beats, (Q,) seconds, or none in a song shorter than a second."""
@@ -220,7 +219,8 @@ def get_beat_tracker(name: str = DEFAULT_TRACKER) -> BeatTracker:
 def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
     """Beats (Q,) of a song as float64. Raises `ParameterError` unless increasing, finite and inside it.
 
-    A tenth of a second past the end is tolerated: decoders differ on a song's length by a packet.
+    Beats up to 0.1 s past the end are accepted, since the length of a song differs between decoders by a
+    packet.
     """
     beats = np.asarray(beat_times_s, np.float64)
     if beats.ndim != 1 or not np.isfinite(beats).all() or (np.diff(beats) <= 0).any():
@@ -238,8 +238,8 @@ def checked_beat_times_s(beat_times_s: NDArray[np.floating], duration_s: float) 
 def fill_missing_beats(beat_times_s: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
     """Beats with gaps above 1.5 periods divided evenly, extrapolated to both ends of the song.
 
-    The period is local: the median of the 8 intervals nearest to a gap. Fewer than three beats are
-    returned unchanged: they define no period.
+    The period is local, the median of the 8 intervals nearest to a gap. Fewer than three beats are returned
+    unchanged, since they define no period.
     """
     beats = np.asarray(beat_times_s, np.float64)
     if len(beats) < 3:
@@ -261,13 +261,13 @@ def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
     return np.maximum(0.0, first_s - period_s * steps)  # rounding may lead below 0
 
 
-# Beats of a song from a text file, one a line, with or without their numbers in the bar.
+# Beats of a song from a text file, one per line, with or without their numbers in the bar.
 #
-# `12.34` or `12.34 1` (a time in seconds and a number, as beat trackers write them), or `12.34 12.34 1`
-# (start, end and label, as label tracks of audio editors are saved), separated by spaces, tabs, commas or
-# semicolons. What follows a `#` is a comment. A first line of names is passed over, and so are labels that
-# are words, such as `beat`, where no beat has a number. Labels may count bars and beats, as in `3.1`. Where
-# only some beats have a number, the others count on from them.
+# A line is `12.34` or `12.34 1` (a time in seconds and a number, as written by beat trackers), or
+# `12.34 12.34 1` (start, end and label, as in label tracks of audio editors). Spaces, tabs, commas or
+# semicolons separate cells. `#` begins a comment. A first line of names is skipped, and so are labels that
+# are words, such as `beat`, if no beat has a number. Labels may count bars and beats, as in `3.1`. If only
+# some beats have a number, the others count on from them.
 
 
 _CELL = re.compile(r'"[^"]*"|[^\s,;"]+')
@@ -295,7 +295,7 @@ def read_beats(path: str | Path, *, start_s: float = 0.0, duration_s: float = np
 def _rows(path: Path) -> list[tuple[int, float, str]]:
     """Line number, time and label, "" if there is none, of each beat."""
     text = read_text(path, _LAYOUT, fallback="cp1252", max_bytes=MAX_TABLE_BYTES)
-    # Label tracks have lines that begin with a backslash: frequencies of the label before.
+    # Label tracks have lines that begin with a backslash, with frequencies of the label before.
     lines = [
         line.split("#")[0].strip(" \t\r,;")
         for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -335,7 +335,7 @@ def _unexpected(path: Path, line_number: int, got: str) -> FormatError:
 
 
 def _numbers(path: Path, rows: list[tuple[int, float, str]]) -> list[int | None]:
-    """The number in the bar of each beat, None where there is none."""
+    """The number in the bar of each beat, or None if there is none."""
     labels = [label for _, _, label in rows if label]
     if not any(map(_is_number, labels)):
         return [None] * len(rows)

@@ -1,7 +1,7 @@
-"""librosa, its compiled kernels kept by `kernel_cache`: the one door to it.
+"""The only import of librosa, whose compiled kernels are kept by `kernel_cache`.
 
-librosa compiles some kernels when the module around them is imported, and imports its modules when they are
-first used. So all that have kernels are imported here, save the beat tracker, which takes a second more.
+librosa compiles some kernels when their module is imported, and imports its modules when they are first used.
+So all modules with kernels are imported here, except the beat tracker, which takes a second more.
 """
 
 from __future__ import annotations

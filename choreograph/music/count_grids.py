@@ -1,4 +1,4 @@
-"""Clocks of counts: beats of a song and counts of takes, evenly timed, with accents landed on them."""
+"""Grids of counts: the steady beats of a song and counts of takes, and micro-timing of accents."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from choreograph.core.counts import Counts, Figure
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
 
-# Micro-timing: accents that dancers place just beside the count are landed on it.
+# Micro-timing: accents of a take that are close to the count are moved onto it.
 
 
-MAX_SHIFT_S = 0.05  # of the take, and of the song it is danced to: beyond it a dance is off the count,
-_MAX_SHIFT_COUNTS = 0.12  # as it is beyond this where counts are close together
-_REACH_S = 0.12  # a motion beat further from a count belongs to something else
+MAX_SHIFT_S = 0.05  # largest shift in take and song, beyond which a dance is off the count
+_MAX_SHIFT_COUNTS = 0.12  # of a count, the largest shift if counts are close together
+_REACH_S = 0.12  # largest distance of a motion beat from its count
 _ON_COUNTS = 0.5  # resultant length of the phases, from 0 (anywhere) to 1 (all at one phase)
 
 
 def accents_lie_on_counts(motion_beats_s: Floats, counts_s: Floats) -> bool:
-    """Whether a take's motion beats (M,) gather near its counts (Q,): whether it is danced in accents.
+    """Whether the motion beats (M,) of a take cluster near its counts (Q,), so that it has accents on them.
 
-    So it is where the resultant length of their phases within the count is 0.5 or more, and their mean phase
-    is within an eighth of the count. Dancers of ballroom reach 0.2 to 0.4: they come to rest where their
-    technique has them rest, and landing that on the count would make them dance as nobody does.
+    This is the case if the resultant length of their phases within the count is 0.5 or more, and their mean
+    phase is within an eighth of the count. Ballroom dances reach 0.2 to 0.4. Their dancers pause where the
+    technique requires it, and moving these pauses onto the count would look wrong.
     """
     inside = motion_beats_s[(motion_beats_s >= counts_s[0]) & (motion_beats_s <= counts_s[-1])]
     if len(inside) == 0:
@@ -39,11 +39,11 @@ def accents_lie_on_counts(motion_beats_s: Floats, counts_s: Floats) -> bool:
 
 
 def accent_shifts_s(motion_beats_s: Floats, counts_s: Floats) -> Floats:
-    """How much later (Q,) than each of its counts (Q,) a take is at its accent there, in the take's seconds.
+    """Delay (Q,) of the accent at each count (Q,) of a take, in seconds of the take.
 
-    At most 0.05 s, and 0.12 of a count, to either side. 0 at counts without a motion beat (M,) within 0.12 s,
-    and throughout if the take's accents do not lie on its counts. ChoreoGraph moves motion beats onto music
-    beats by DTW alone (section 3.2).
+    It is at most 0.05 s, and 0.12 of a count, to either side. It is 0 at counts without a motion beat (M,)
+    within 0.12 s, and everywhere if the accents of the take do not lie on its counts. ChoreoGraph moves
+    motion beats onto music beats by DTW alone (section 3.2).
     """
     if len(counts_s) < 2 or not accents_lie_on_counts(motion_beats_s, counts_s):
         return np.zeros(len(counts_s))
@@ -54,19 +54,19 @@ def accent_shifts_s(motion_beats_s: Floats, counts_s: Floats) -> Floats:
     return np.where(np.abs(shift_s) <= _REACH_S, np.clip(shift_s, -most_s, most_s), 0.0)
 
 
-# Clocks of counts: beats of a song and counts of takes, evenly timed and continued beyond their ends.
+# Grids of counts: beats of a song and counts of takes, steady and continued beyond their ends.
 
 
-FEWEST_COUNTS = 4  # that a song or a take is danced by
-_STIFFNESS = 20.0  # of beat times against the third difference of the grid: jitter of 10 ms is evened out,
-_MAX_SHIFT_S = 0.03  # but no beat is moved further, however suddenly the tempo changes
-_PADDING = 64  # counts beyond both ends, at the period there,
-_DANCED_PADDING = 4  # of which a map may use these: that far a take hardly leaves its counts
+FEWEST_COUNTS = 4  # of a song or a take whose counts are used
+_STIFFNESS = 20.0  # of the grid, by its third difference, which removes jitter of 10 ms
+_MAX_SHIFT_S = 0.03  # largest shift of a beat, also where the tempo changes suddenly
+_PADDING = 64  # counts added beyond both ends, at the period there
+_DANCED_PADDING = 4  # added counts that a time map may use, since a take continues its counts for so long
 _INSIDE_FIGURE = 0.6
 
 
 def steady_times_s(times_s: Floats) -> Floats:
-    """Beats or counts (Q,) without the jitter of a tracker: their tempo changes smoothly.
+    """Beats or counts (Q,) without the jitter of a tracker, so that their tempo changes smoothly.
 
     The sum of the squared shifts and of the squared third differences of the times is minimised, with more
     weight on beats that would be shifted by over 0.03 s. None is shifted further.
@@ -94,7 +94,7 @@ def steady_times_s(times_s: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SongGrid:
-    """A song's beats as a clock: every instant has a beat index, fractional between beats."""
+    """The grid of a song's beats. Every instant has a beat index, which is fractional between beats."""
 
     times_s: Floats  # (Q,) steady, padded far beyond both ends of the song
     numbers: NDArray[np.int64]  # (Q,) in the bar, or 0 where bars are not known
@@ -112,7 +112,7 @@ class SongGrid:
 
     @cached_property
     def period_s(self) -> Floats:
-        """From beat to beat around each beat, (Q,)."""
+        """The beat period around each beat, (Q,)."""
         return _periods_s(self.times_s)
 
     def index_at(self, times_s: Floats) -> Floats:
@@ -130,13 +130,13 @@ def _periods_s(times_s: Floats) -> Floats:
 
 
 def _end_periods_s(times_s: Floats) -> tuple[float, float]:
-    """The periods at which counts (Q,) are continued before the first and after the last."""
+    """The periods with which counts (Q,) are continued before the first and after the last one."""
     periods_s = np.diff(times_s)
     return float(np.median(periods_s[:8])), float(np.median(periods_s[-8:]))
 
 
 def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArray[np.int64]]:
-    """Steady times and numbers, continued beyond both ends at the period and in the bars there."""
+    """Steady times and numbers, continued beyond both ends with the period and the bars there."""
     times = steady_times_s(counts.times_s)
     first_s, last_s = _end_periods_s(times)
     before = times[0] - first_s * np.arange(n_before, 0, -1)
@@ -153,7 +153,7 @@ def _padded(counts: Counts, n_before: int, n_after: int) -> tuple[Floats, NDArra
 
 
 class TakeGrids:
-    """The counts of all takes of a repertoire, end to end, padded beyond both ends of each take."""
+    """The counts of all takes of a repertoire, concatenated, with counts added beyond the ends of takes."""
 
     def __init__(
         self,
@@ -192,7 +192,7 @@ class TakeGrids:
         return times_s
 
     def accents_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """How much later than counts by index (K, Q) their accents are, and the counts' periods, seconds."""
+        """Delays of the accents at counts by index (K, Q), and periods of these counts, in seconds."""
         row = self._row(take, index)
         return self.accent_shift_s[row], self.period_s[row]
 
@@ -206,7 +206,7 @@ class TakeGrids:
         return index
 
     def reaches(self, take: NDArray[np.integer], index: Floats) -> NDArray[np.bool_]:
-        """Whether spans of count indices (K, 2) are counted, but for a few counts beyond the known ones."""
+        """Whether spans of count indices (K, 2) are counted, with a few counts beyond the known ones."""
         first, last = _PADDING - _DANCED_PADDING, (self.n_counts - 1 - _PADDING + _DANCED_PADDING)[take]
         inside: NDArray[np.bool_] = (index[:, 0] >= first) & (index[:, 1] <= last)
         return inside
@@ -216,7 +216,7 @@ class TakeGrids:
         return self.numbers[self._row(take, index)]
 
     def phrase_penalty_at(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> Floats:
-        """How ill-timed it is to leave or enter a take at counts (K, Q): see `_phrase_penalty`."""
+        """Penalty of leaving or entering a take at counts (K, Q): see `_phrase_penalty`."""
         return self.phrase_penalty[self._row(take, index)]
 
     def _row(self, take: NDArray[np.integer], index: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -227,7 +227,7 @@ class TakeGrids:
 
 
 def _phrase_penalty(times_s: Floats, numbers: NDArray[np.int64], figures: Sequence[Figure]) -> Floats:
-    """How ill-timed it is to leave or enter a take at each of its counts (Q,).
+    """Penalty, 0 to 1, of leaving or entering a take at each of its counts (Q,).
 
     It is 0 at the border of a figure, or of a bar where no figures are known. It is 0.6 on count 1 inside a
     figure. It is 1 elsewhere, and on all counts if neither is known.

@@ -1,4 +1,4 @@
-"""Audio files as a sample rate and an iterator of float blocks: soundfile where it is exact, else PyAV."""
+"""Decodes audio files to a sample rate and blocks of floats, by soundfile where it is exact, else by PyAV."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from choreograph.core.files import check_regular
 if TYPE_CHECKING:
     import av.container
 
-# Audio files by PyAV, whose FFmpeg reads nearly every container and codec.
+# Decoding by PyAV, whose FFmpeg reads nearly every container and codec.
 
 
 BLOCK_FRAMES = 1 << 18
@@ -27,11 +27,12 @@ _FORMATS = (
     "aac,ac3,eac3,aiff,amr,ape,asf,au,avi,caf,dsf,dts,flac,flv,matroska,webm,mov,mp4,m4a,3gp,3g2,mj2,mp3,mpeg,"
     "mpegts,mpc,mpc8,ogg,rm,tak,tta,voc,w64,wav,wv,xwma"
 )
-# Containers that state the length of their sound, by FFmpeg's names. Of the others it guesses a length, from
-# the size of the file and the bit rate at its beginning.
+# Containers that state the length of their sound, by FFmpeg's names. For others, FFmpeg estimates the length
+# from the size of the file and the bit rate at its beginning.
 _STATE_LENGTH = "aiff,ape,asf,au,avi,caf,dsf,flac,mov,mpc,mpc8,ogg,rm,tak,tta,wv,xwma"
-# An mp3 may state it in a first frame without sound: after a header of 4 bytes and 9, 17 or 32 others come a
-# name, flags and, where the lowest flag is set, the number of frames. Some encoders write a VBRI header.
+# An mp3 may state the length in a first frame without sound. After a header of 4 bytes and 9, 17 or 32
+# others, it has a name, flags and, if the lowest flag is set, the number of frames. Some encoders write a
+# VBRI header.
 _MP3_LENGTH = re.compile(
     rb"\xff([\xe2-\xff])..(?:(?:.{32}|.{17}|.{9})(?:Xing|Info)...[\1\3\5\7\x09\x0b\x0d\x0f]|.{32}VBRI.{10})(.{4})",
     re.DOTALL,
@@ -49,7 +50,7 @@ Blocks = Iterator[NDArray[np.float32]]  # each (S_b, channels)
 
 @dataclass(frozen=True, eq=False)
 class Decoding:
-    """A file as it is decoded."""
+    """The decoding of a file."""
 
     rate_hz: int
     n_channels: int
@@ -81,10 +82,10 @@ def has_sound(path: Path) -> bool:
 
 
 def ffmpeg_decoding(path: Path, notes: list[str]) -> Decoding:
-    """The first sound of a container, with `notes`, which grow. Raises `FormatError` if there is none."""
+    """The first sound of a container. Appends to `notes`. Raises `FormatError` if there is none."""
     container = _opened(path)
     streams = container.streams.audio
-    if not streams or not getattr(streams[0], "rate", 0):  # none where the codec is unknown
+    if not streams or not getattr(streams[0], "rate", 0):  # 0 if the codec is unknown
         container.close()
         raise FormatError(f"expected a song in {path}, got a {container.format.name} file without sound")
     blocks = _blocks(path, container, streams[0], notes)
@@ -101,7 +102,7 @@ def _opened(path: Path) -> av.container.InputContainer:
     # Options of streams, too, would crash PyAV 14 in containers that have none before their first packet.
     limits = {"format_whitelist": _FORMATS, "protocol_whitelist": "file"}
     try:
-        # "file:", or a name with a colon would be taken for an address.
+        # "file:" is needed, since a name with a colon would be read as an address.
         container: av.container.InputContainer = av.open(f"file:{path}", container_options=limits, **tags)
         return container
     except (av.FFmpegError, ValueError) as error:
@@ -143,15 +144,16 @@ def _blocks(path: Path, container: Any, stream: Any, notes: list[str]) -> Blocks
 
 
 class _PacketReader:
-    """Packets as floats (S, channels) at the stream's rate: parts of a joined file may have others.
+    """Decodes packets to floats (S, channels) at the rate of the stream.
 
-    Beside them, how many packets cannot be decoded, and the length that the file states.
+    Parts of a joined file may have other rates. The number of packets that cannot be decoded and the length
+    that the file states are available as well.
     """
 
     def __init__(self, path: Path, container: Any, stream: Any) -> None:
         self.n_good = self.n_bad = 0
-        self.stated_s = 0.0  # 0 where none is stated
-        # Kept here, since those of the stream follow what is decoded.
+        self.stated_s = 0.0  # 0 if none is stated
+        # Kept here, since the attributes of the stream change with the decoded packets.
         self.rate_hz, self._n_channels = stream.rate, stream.channels
         self._resampler: Any = None
         self._kind: tuple[object, ...] = ()  # of the frames that the resampler takes
@@ -163,7 +165,7 @@ class _PacketReader:
         self._n_bad_at_end = 0  # junk after the sound, unless more sound follows
 
     def read(self, packet: Any) -> Iterator[NDArray[np.float32]]:
-        """The samples of a packet, and after the last one what is left."""
+        """The samples of a packet, and after the last packet the remaining samples."""
         import av
 
         if self._is_first and self._format == "mp3":
@@ -201,13 +203,13 @@ class _PacketReader:
             if resampled is not None:
                 samples = np.asarray(resampled.to_ndarray(), np.float32)
                 samples = samples.reshape(-1, resampled.layout.nb_channels)  # (S_f, channels of the part)
-                if samples.shape[1] != self._n_channels:  # FFmpeg would make stereo of mono 3 dB quieter
+                if samples.shape[1] != self._n_channels:  # FFmpeg would convert mono to stereo 3 dB quieter
                     samples = np.repeat(samples.mean(axis=1, keepdims=True), self._n_channels, axis=1)
                 yield samples
 
 
 def _mp3_stated_s(path: Path, sound_at: int, rate_hz: int) -> float:
-    """The length that the frame before the first sound states, 0 if it is none."""
+    """The length stated in the frame before the first sound, or 0 if there is no such frame."""
     with open(path, "rb") as file:
         file.seek(max(0, sound_at - _MP3_LARGEST_FRAME_BYTES))
         found = _MP3_LENGTH.search(file.read(min(sound_at, _MP3_LARGEST_FRAME_BYTES)))
@@ -218,7 +220,7 @@ def _mp3_stated_s(path: Path, sound_at: int, rate_hz: int) -> float:
 
 
 def _tags_at(path: Path) -> int:
-    """Where an APE tag after the sound begins, else the file's end: FFmpeg takes its picture for frames."""
+    """The beginning of an APE tag after the sound, whose picture FFmpeg reads as frames, or the end."""
     with open(path, "rb") as file:
         end = size = file.seek(0, os.SEEK_END)
         file.seek(max(0, size - _ID3V1_BYTES - _APE_FOOTER_BYTES))
@@ -236,23 +238,23 @@ def _reason(error: Exception) -> str:
     return (getattr(error, "strerror", None) or str(error)).splitlines()[0]
 
 
-# Audio files as a sample rate and an iterator of float blocks: soundfile where it is exact, else PyAV.
+# Choice of the decoder: soundfile where it is exact, else PyAV.
 
 
 _SOUNDFILE_MAGIC = (b"RIFF", b"RIFX", b"RF64", b"fLaC", b"OggS", b"FORM")
 _OGG_HEADER_BYTES = 27  # without the table of segments
 _OGG_LAST_PAGE = 4
-# Files of chunks: the order of the bytes in a size, and the chunk that holds the sound.
+# Files of chunks, with the byte order of sizes and the chunk of the sound.
 _CHUNKED: dict[bytes, tuple[Literal["little", "big"], bytes]] = {
     b"RIFF": ("little", b"data"),
     b"RF64": ("little", b"data"),
     b"RIFX": ("big", b"data"),
     b"FORM": ("big", b"SSND"),
 }
-_CHUNK_SLACK_BYTES = 4096  # some programs count the header, too, or a last block that is not whole
-_UNKNOWN_FRAMES = 1 << 62  # libsndfile says this many or more where a FLAC leaves its length open
+_CHUNK_SLACK_BYTES = 4096  # some programs also count the header, or an incomplete last block
+_UNKNOWN_FRAMES = 1 << 62  # libsndfile reports at least so many if a FLAC does not state its length
 
-_RATES_HZ = (2000, 6_144_000)  # of telephones, and of the finest one-bit recordings
+_RATES_HZ = (2000, 6_144_000)  # from telephones to one-bit recordings
 _MAX_CHANNELS = 64
 _LARGEST = 1e3  # sample: 60 dB over full scale
 
@@ -292,10 +294,10 @@ def _decoding(path: Path) -> Decoding:
         raise FormatError(f"expected a readable song at {path}, got: {error.strerror}") from error
     notes: list[str] = []
     is_whole = True
-    if magic == b"OggS":  # soundfile reads past damaged pages as if there were none
+    if magic == b"OggS":  # soundfile skips damaged pages without an error
         is_whole, has_end = _ogg_pages(path)
         if not has_end:
-            notes.append("the song is cut off: what followed its end is lost")
+            notes.append("the file ends before the song does: the missing part is not danced")
     if is_whole and magic in _SOUNDFILE_MAGIC:
         if magic in _CHUNKED:
             _check_sound_chunk(path, notes)
@@ -312,7 +314,7 @@ def _decoding(path: Path) -> Decoding:
 
 
 def _states_frames(sound: Any) -> bool:
-    """Whether libsndfile takes the length from the file: not of a stream, and of mp3 in a WAV it guesses."""
+    """Whether libsndfile reads the length from the file. It does not for a stream, or for mp3 in a WAV."""
     return 0 < sound.frames < _UNKNOWN_FRAMES and not sound.subtype.startswith("MPEG")
 
 
@@ -336,7 +338,7 @@ def _soundfile_blocks(path: Path, sound: Any) -> Blocks:
 
 
 def _ogg_pages(path: Path) -> tuple[bool, bool]:
-    """Whether an Ogg file's pages follow each other, and whether the one at its end is marked as the last."""
+    """Whether the pages of an Ogg file are continuous, and whether the last one is marked as such."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at, flags, following = 0, 0, dict[bytes, int]()
         while data[at : at + 4] == b"OggS" and at + _OGG_HEADER_BYTES <= len(data):
@@ -351,7 +353,7 @@ def _ogg_pages(path: Path) -> tuple[bool, bool]:
 
 
 def _check_sound_chunk(path: Path, notes: list[str]) -> None:
-    """Raise `FormatError` if much of the chunk of sound is cut off, which libsndfile does not say."""
+    """Raise `FormatError` if much of the chunk of sound is cut off, which libsndfile does not report."""
     with open(path, "rb") as file:
         header = file.read(12)
         order, wanted = _CHUNKED[header[:4]]
@@ -365,7 +367,7 @@ def _check_sound_chunk(path: Path, notes: list[str]) -> None:
                 n_bytes -= 16
             file.seek(n_bytes + n_bytes % 2, os.SEEK_CUR)
         else:
-            return  # no such chunk: the decoders say what the file lacks
+            return  # without such a chunk, the decoders report the error
         n_present = os.path.getsize(path) - file.tell()
     is_streamed = 0x7FFFF000 <= n_bytes < 0xFFFFFFFF
     n_bytes = n_64_bytes if n_bytes == 0xFFFFFFFF else n_bytes

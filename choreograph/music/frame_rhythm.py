@@ -1,4 +1,4 @@
-"""Rhythmic features of music per frame at 30 fps: of a whole song, per motion word, and as samples arrive."""
+"""Rhythmic features of music per frame at 30 fps, for whole songs, motion words and streams of samples."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from choreograph.music.mel import (
 from choreograph.music.song import SILENCE_PEAK, Song
 from choreograph.music.spectral import spectral_features
 
-# Rhythmic features of music per frame at 30 fps, four numbers each: input of the rollout network.
+# Rhythmic features of music per frame at 30 fps, four numbers each, for the rollout network.
 #
 # | the paper's Table 2 | here |
 # | --- | --- |
@@ -42,12 +42,12 @@ from choreograph.music.spectral import spectral_features
 # | a3 root mean square value | of the window's samples, relative to the song's own loudness |
 # | a4 beat rate (binary form) | 1 if a beat is nearest to the window's last frame, else 0 |
 #
-# The window is the 10 frames (1/3 s) that end with the frame itself, so a row depends on nothing later
-# than half a spectral window (46 ms). To let a network see 1/3 s ahead, give it row t + 9 at frame t.
+# The window is the 10 frames (1/3 s) that end with the frame itself, so a row depends on samples up to half a
+# spectral window (46 ms) after it. To give a network 1/3 s of future, pass it row t + 9 at frame t.
 #
-# Where the paper leaves details open: a tempogram has one value per lag but Table 2 has one number, which
-# we take at the lag of the beat (the mean over the lags of a 10-frame window would only count onsets). a2
-# and a4 are taken at the window's last frame: averaged over 1/3 s, neither would locate a beat.
+# The paper leaves two details open. A tempogram has one value per lag but Table 2 has one number. It is taken
+# at the lag of the beat, since the mean over the lags of a 10-frame window would only count onsets. a2 and a4
+# are taken at the last frame of the window, since a mean over 1/3 s would not locate a beat.
 
 
 FRAME_RHYTHM_FPS = 30
@@ -99,7 +99,7 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
 def _beat_lag_autocorrelation(
     onsets: NDArray[np.floating], beats: NDArray[np.float64], n_frames: int
 ) -> NDArray[np.floating]:
-    """Autocorrelation of each frame's window of onsets, at the beat interval the frame lies in, (T,)."""
+    """Autocorrelation of each frame's window of onsets, at the lag of the beat interval around it, (T,)."""
     if len(beats) < 2:
         return np.zeros(n_frames)
     intervals = np.maximum(1, np.rint(times_to_frames(np.diff(beats), MUSIC_FPS))).astype(np.int64)  # (Q-1,)
@@ -129,7 +129,7 @@ def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float
 
 
 def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -> NDArray[np.float32]:
-    """The four rhythmic features (T, 4) at 30 fps from a time in the song on. At least one row.
+    """The four rhythmic features (T, 4) at 30 fps from a time in the song on, at least one row.
 
     Before the song's start the first row is repeated.
     """
@@ -158,11 +158,11 @@ def word_spectra(
     return spectra
 
 
-# Rhythmic features of music that is still playing: `music.frame_rhythm`, row by row as samples come in.
+# Rhythmic features of a stream: those of `music.frame_rhythm`, row by row as samples arrive.
 #
-# Every row is a function of the samples up to 46 ms after its frame. What `frame_rhythm` relates to the whole
-# song is related to the music fed so far: the loudness that `rms` is relative to, and the loudest band that
-# onsets are within 60 dB of. After the first loud bar the two agree.
+# Every row is a function of the samples up to 46 ms after its frame. Two references of `frame_rhythm` are
+# computed from the music fed so far instead of from the whole song: the loudness for `rms`, and the loudest
+# band, for the 60 dB of onsets. After the first loud bar the two agree.
 
 
 _HALF = MEL_WINDOW // 2
@@ -184,7 +184,7 @@ class RhythmStream:
         self._onsets = deque([0.0] * (_WIDTH + _LONGEST_LAG), maxlen=_WIDTH + _LONGEST_LAG)
         self._energy = deque([0.0] * WINDOW_FRAMES, maxlen=WINDOW_FRAMES)  # of the frames of a window
         self._loudest_energy = _FRAME_SAMPLES * SILENCE_PEAK**2 / PAUSE_GATE
-        self._sound = [0.0, 0]  # energy and samples of what is no pause
+        self._sound = [0.0, 0]  # energy and number of samples outside pauses
         self._row, self._n_rows = np.zeros(4, np.float32), 0  # the last one and their number
 
     @property

@@ -17,14 +17,14 @@ from choreograph.music.song import SILENCE_PEAK
 
 # Log-mel spectrogram at exactly 60 fps.
 #
-# At 22.05 kHz a frame is 367.5 samples, so there is no whole hop: frame i is centred on the sample
-# nearest to i / 60 s, at most half a sample (23 µs) off throughout the song. A hop of 367 or 368 would
-# drift by a frame every 12 s.
+# At 22.05 kHz a frame is 367.5 samples, so the hop is not a whole number. Frame i is centred on the sample
+# nearest to i / 60 s, with an error of at most half a sample (23 µs). A hop of 367 or 368 would drift by a
+# frame every 12 s.
 
 
 MEL_BANDS = 96
 MEL_WINDOW = 2048  # samples, 93 ms
-_POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine: quieter than 16-bit dither
+_POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine, quieter than 16-bit dither
 _BLOCK_FRAMES = 2048
 
 
@@ -81,7 +81,7 @@ def mel_filterbank() -> NDArray[np.float32]:
     """Triangular filters (96, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
     from choreograph.music.cached_librosa import librosa  # a second to import
 
-    # Rounded to float32 once, at the end: librosa's default rounds before it normalises the area, too.
+    # Rounded to float32 once, at the end. By default, librosa also rounds before it normalises the area.
     filters = librosa.filters.mel(
         sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64
     )
@@ -96,12 +96,12 @@ def mel_band_hz() -> NDArray[np.float64]:
     return librosa.mel_frequencies(MEL_BANDS + 2, fmin=0.0, fmax=SAMPLE_RATE_HZ / 2)[1:-1]
 
 
-# Loudness normalisation, so that features do not depend on how loud a song was saved.
+# Loudness normalisation, so that features do not depend on the level of the file.
 
 
-_BLOCK = 735  # samples, 1/30 s: the unit that is gated as sound or pause
+_BLOCK = 735  # samples, 1/30 s, which are gated together as sound or pause
 _AT_ONCE = 1 << 20  # samples scaled in double precision
-PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB): quieter blocks are pauses and do not count
+PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB). Quieter blocks are pauses and do not count
 
 
 def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -135,7 +135,7 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     return out
 
 
-# Onset envelopes of three bands, and their autocorrelation: what beats, tempo and rhythm are read from.
+# Onset envelopes of three bands, and their autocorrelation, for beats, tempo and rhythm.
 
 
 _BAND_EDGES_HZ = (0.0, 250.0, 2000.0, 11025.0)  # bass, melody, percussion
@@ -146,8 +146,8 @@ ONSET_RANGE = 60.0 / (10.0 / np.log(10.0))  # 60 dB in natural log of power
 def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """Half-wave rectified rise of log power per band: bass, melody, percussion, (T, 3) at 60 fps.
 
-    `log_mel` (T, 96) as `music.mel.log_mel` returns it. The rise is taken over two frames (33 ms)
-    and within 60 dB of the song's maximum, so noise in a pause is not an onset.
+    `log_mel` (T, 96) is the result of `music.mel.log_mel`. The rise is taken over two frames (33 ms) and
+    within 60 dB of the song's maximum, so that noise in a pause is not an onset.
     """
     log_mel = _checked(log_mel)
     floor = log_mel.max() - ONSET_RANGE
@@ -180,7 +180,7 @@ def _bands() -> tuple[NDArray[np.bool_], ...]:
 
 
 def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
-    """How densely the music sounds in the 4 s from each second, (S,), as a rank among its seconds, 0 to 1.
+    """Onset density of the 4 s from each second of a song, (S,), as a rank among its seconds, 0 to 1.
 
     The mean of the three envelopes is ranked, and equal seconds have the mean rank. Raises as
     `onset_envelopes`.
@@ -201,8 +201,9 @@ def autocorrelations(
 ) -> NDArray[np.float32]:
     """Autocorrelation of onsets (T, C) at 60 fps around each frame of `centres` (N,): (N, C, W).
 
-    W lags of a frame, as many as `context_s` holds. Normalised to 1 at lag 0, corrected for the window's
-    taper, or 0 where a channel is silent. Outside the song there is silence.
+    There are as many lags W, in frames, as `context_s` holds. Values are normalised to 1 at lag 0 and
+    corrected for the taper of the window. They are 0 where a channel is silent. Outside the song there is
+    silence.
     """
     window = seconds_to_frames(context_s, MUSIC_FPS)
     taper = np.hanning(window + 2)[1:-1].astype(np.float32)

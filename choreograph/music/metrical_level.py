@@ -15,32 +15,32 @@ from choreograph.core.timebase import MUSIC_FPS, times_to_frames
 from choreograph.music.bars import track_bars
 from choreograph.music.beats import onset_strength
 
-# Where other music begins: the instants at which the tempo or the metre of a song changes.
+# The instants at which the tempo or the metre of a song changes, as where other music begins.
 #
 # A ramp has none, since its tempo hardly differs a few beats later. A single irregular bar has none either. A
 # tracker that counts a break at half the tempo makes two.
 
 
-_OTHER_TEMPO_OCTAVES = 0.085  # 6 %; over six beats a ramp from 90 to 140 BPM in 50 s makes up to 5 %
+_OTHER_TEMPO_OCTAVES = 0.085  # 6 %. Over six beats a ramp from 90 to 140 BPM in 50 s changes by up to 5 %
 _PERIODS, _FEWEST_PERIODS = 6, 4  # before and after a change of tempo
 _BARS, _FEWEST_BARS = 4, 3  # before and after a change of metre
-SAME_S = 1.5  # a tracker may go over to another tempo a beat or two late
-PLAUSIBLE_METRES = (3, 4)  # other bars are beats lost or added by the tracker, or cut at a splice
-_CLEARLY_MOST = 0.75  # of a part's plausible bars
+SAME_S = 1.5  # a tracker may follow a change of tempo a beat or two late
+PLAUSIBLE_METRES = (3, 4)  # other bars have beats lost or added by the tracker, or are cut at a splice
+_CLEARLY_MOST = 0.75  # share of a part's plausible bars that determine its metre
 
 
 def change_times_s(counts: Counts) -> Floats:
-    """The beats (C,), in seconds, from which on the tempo or the metre of a song is another.
+    """The beats (C,), in seconds, at which the tempo or the metre of a song changes.
 
-    The median of six beat periods changes by more than 6 %, or the metre of four bars to that of the next
-    four: see `part_metre`.
+    The tempo changes if the median of six beat periods changes by more than 6 %. The metre changes if that of
+    four bars differs from that of the next four (see `part_metre`).
     """
     beats = np.union1d(_tempo_changes(counts.times_s), _metre_changes(counts))
     return counts.times_s[beats]
 
 
 def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Which bounds (B,) of sections lie at a change (C,) of tempo or metre: within 1.5 s."""
+    """Which bounds (B,) of sections lie within 1.5 s of a change (C,) of tempo or metre."""
     near: NDArray[np.bool_] = np.any(np.abs(np.subtract.outer(bounds_s, changes_s)) <= SAME_S, axis=1)
     return near
 
@@ -48,7 +48,8 @@ def at_changes(bounds_s: NDArray[np.number], changes_s: NDArray[np.floating]) ->
 def part_metre(bar_lengths: Indices, metre: int) -> int:
     """The metre of a part of a song in `metre`, whose whole bars have these lengths (B,) in beats.
 
-    That of the song, unless at least three quarters of two plausible bars or more have another.
+    It is that of the song, unless there are two plausible bars or more and at least three quarters of them
+    have another metre.
     """
     bars = bar_lengths[np.isin(bar_lengths, PLAUSIBLE_METRES)]
     if len(bars) < 2:
@@ -77,7 +78,7 @@ def _metre_changes(counts: Counts) -> Indices:
     lengths = np.diff(downbeats)  # (bars,)
 
     def change(bar: int) -> float:
-        """How clear the two metres before and after a bar are, up to 2, or 0 where they are one."""
+        """The clarity of the two metres before and after a bar, up to 2, or 0 if they are the same."""
         before, after = lengths[max(0, bar - _BARS) : bar], lengths[bar : bar + _BARS]
         if min(len(before), len(after)) < _FEWEST_BARS:
             return 0.0
@@ -90,31 +91,31 @@ def _metre_changes(counts: Counts) -> Indices:
 
 
 def _peaks(height_at: Callable[[int], float], positions: Indices) -> Indices:
-    """The highest position of each run of those with a height."""
+    """The position of the maximum of each run of positions with a height."""
     height = np.array([height_at(int(position)) for position in positions])
     runs = np.split(positions, np.flatnonzero(np.diff(height > 0)) + 1)
     return np.array([run[height[run].argmax()] for run in runs if len(run) and height[run[0]] > 0], np.int64)
 
 
-# The metrical level of a song's beats: those tracked, every second one, or twice as many.
+# The metrical level of a song's beats: the tracked beats, every second one, or twice as many.
 #
-# A tracker cannot know whether a salsa is counted at 84 or at 168: both are in the music. For dancing it is
-# settled by what the takes can be danced at.
+# Whether a salsa is counted at 84 or at 168 does not follow from the music, since both are in it. For a
+# dance, it follows from the tempi of the takes.
 
 
 _CLEARLY_NEARER = 0.4  # octaves
-_OTHER_METRE = 0.8  # octaves that bars of another metre than the takes' are worth
-_SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # that anybody counts at
+_OTHER_METRE = 0.8  # penalty, in octaves, of bars of another metre than that of the takes
+_SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers count
 
 
 def metrical_levels(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts
 ) -> tuple[Counts, ...]:
-    """A song's counts as tracked, then at half and at double tempo where that can be counted.
+    """A song's counts as tracked, then at half and at double tempo if that can be counted.
 
-    Bars are tracked anew at each level: of doubled beats `1 2 3 4` become `1 . 3 . 1 . 3 .`, but not in
-    threes, where neither two beats of a bar nor six are a bar of their own. Arguments and errors are those
-    of `track_bars`.
+    Bars are tracked anew at each level. Doubled beats turn `1 2 3 4` into `1 . 3 . 1 . 3 .`. This does not
+    work in threes, where neither two beats of a bar nor six are a bar. Arguments and errors are those of
+    `track_bars`.
     """
     if not tracked.has_bars:
         return (tracked,)
@@ -129,7 +130,7 @@ def metrical_levels(
 
 
 def _main_beats(log_mel: NDArray[np.floating], tracked: Counts) -> int:
-    """0 or 1: which half of the beats to keep. In fours those with 1 and 3, in threes the stronger half."""
+    """The first beat to keep, 0 or 1: in fours the half with 1 and 3, in threes the stronger half."""
     if tracked.metre == 4:
         weight = (tracked.numbers % 2 == 1).astype(np.float64)
     else:
@@ -167,7 +168,7 @@ def choose_level(
 def level_at_tempo(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
 ) -> Counts:
-    """A song's counts at the level nearest to one tempo in one metre. See `metrical_levels`."""
+    """A song's counts at the level nearest to a tempo in a metre. See `metrical_levels`."""
     levels = metrical_levels(samples, log_mel, tracked)
     return choose_level(levels, {metre: np.array([bpm])}, {metre: np.ones(1)})
 
@@ -184,7 +185,7 @@ def between(counts: Counts, start_s: float, stop_s: float) -> Counts:
 
 
 def joined(parts: Sequence[Counts]) -> Counts:
-    """Consecutive parts of a song as one. A beat too close to the part before it is left out."""
+    """The counts of consecutive parts of a song. A beat too close to the part before it is left out."""
     times_s, numbers = [parts[0].times_s], [parts[0].numbers]
     for before, part in pairwise(parts):
         period_s = np.median(np.diff(part.times_s)) if len(part) > 1 else 0.0

@@ -1,19 +1,20 @@
-"""A song's rhythm as its counts divide it, twice a second: tempo, metre, and where in beat and bar it sounds.
+"""The rhythm of a song relative to its counts, twice a second: tempo, metre, and patterns of onsets.
 
 A tempogram differs more between instruments and arrangements than between a rumba and a cha-cha. A linear
 model of tempograms classified nearly all rumbas outside its training set as waltzes or cha-chas. With these
 features, it misclassified few.
 
-Columns, `RHYTHM_DIM` in all (ours: ChoreoGraph's music input is the log-mel alone):
+ChoreoGraph's music input is the log-mel alone. The columns, `RHYTHM_DIM` in all, are:
 
-- `LOUDNESS` and `ONSETS`: level in dB relative to the song's median, and mean rise of log power, of the 4 s
-  around the row. The only columns that say anything of less than 12 s
-- `TEMPO`: a bump over a logarithmic axis at the tempo of the beats
+- `LOUDNESS` and `ONSETS`: level in dB relative to the song's median, and mean rise of log power. These two
+are
+  means over the 4 s around the row, all others over 12 s
+- `TEMPO`: a bump on a logarithmic axis at the tempo of the beats
 - `METRE`: shares of beats in bars of three and of four
 - `PATTERN`: onsets of bass, melody and percussion in each quarter of a beat of the bar, then in each twelfth
   of a beat, relative to their mean
 
-Where there are no beats, tempo, metre and patterns are 0.
+Without beats, tempo, metre and patterns are 0.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from choreograph.core.timebase import MUSIC_FPS, SEGMENT_S, frame_times_s
 from choreograph.music.mel import N_BANDS, onset_envelopes
 
 RHYTHM_FPS = 2
-CONTEXT_S = 12.0  # of music around a row, but for its loudness and onsets
+CONTEXT_S = 12.0  # of music around a row, except for loudness and onsets
 TEMPI_BPM = np.geomspace(45.0, 240.0, 30)
-_BUMP_OCTAVES = 0.08  # standard deviation: one step of the axis
+_BUMP_OCTAVES = 0.08  # standard deviation, one step of the axis
 _METRES = (3, 4)
 _BAR_BEATS, _BEAT_PARTS = 4, 4  # of a bar's pattern. Counts beyond four are left out
 _FINE_PARTS = 12  # of a beat: triplets and sixteenths
@@ -114,7 +115,7 @@ def _metre_of_beats(counts: Counts) -> NDArray[np.int64]:
 
 
 def _patterns(onsets: AnyFloats, counts: Counts, centres_s: AnyFloats) -> AnyFloats:
-    """Onsets (N, 3 × 28) around each row by their place in bar and beat, relative to their mean."""
+    """Onsets (N, 3 × 28) around each row by their position in bar and beat, relative to their mean."""
     frame_s = frame_times_s(len(onsets), MUSIC_FPS)
     index = np.interp(frame_s, counts.times_s, np.arange(len(counts)), left=-1.0, right=-1.0)  # (T,)
     beat, part = _places(index, _BEAT_PARTS)

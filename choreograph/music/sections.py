@@ -1,4 +1,4 @@
-"""Structure of a song: its sections, and its phrasing."""
+"""Structure of a song: its sections, and the part of it that is danced."""
 
 from __future__ import annotations
 
@@ -16,27 +16,28 @@ from choreograph.music.beats import onset_strength
 from choreograph.music.metrical_level import at_changes
 from choreograph.music.spectral import SPECTRAL_COLUMNS, spectral_features
 
-# Phrasing: from when to when a song is danced, and where one take may give way to another.
+# The part of a song that is danced, and the instants at which takes may change.
 
 
 _EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
-_EASE_OUT_S = 0.3  # from full speed to the last held pose: before the last count,
-_SETTLE_S = 0.08  # and after it
-REACH_S = 0.5  # a change of takes is no further from its second
-FIRST_HOLD_S = 0.7  # the least that the first pose is held, easing included,
-LAST_HOLD_S = 0.3  # and the last one
-_STRONG = 0.3  # of the song's usual strength at beats: weaker ones do not start or end a dance
-_SOUNDING = 0.1  # of the strength of its strongest beats: weaker ones say nothing of what is usual
-_BAR_OF = 4  # beats that have to be strong, on average, where the dance starts
-_NEAR_FRAMES = 3  # 50 ms: an onset this close to a beat is on it
+_EASE_OUT_S = 0.3  # from full speed to the last held pose, before the last count
+_SETTLE_S = 0.08  # the same after the last count
+REACH_S = 0.5  # largest distance of a change of takes from its second
+FIRST_HOLD_S = 0.7  # least time for which the first pose is held, including the easing
+LAST_HOLD_S = 0.3  # least time for which the last pose is held
+_STRONG = 0.3  # of the song's usual strength at beats. Weaker ones do not start or end a dance
+_SOUNDING = 0.1  # of the strength of its strongest beats. Weaker ones do not enter the usual strength
+_BAR_OF = 4  # beats that must be strong, on average, where the dance starts
+_NEAR_FRAMES = 3  # 50 ms, within which an onset counts as on the beat
 _LONGEST_WAIT_S = 3.0  # for a downbeat, where beats are strong before it
 
 
 def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: float) -> tuple[float, float]:
-    """When the first count of a song is danced, and its last: strong beats, on downbeats if bars are known.
+    """The times of the first and the last count of a song that are danced, in seconds.
 
-    An introduction or an ending without beats is not danced, and at least 0.7 s at the beginning and 0.3 s
-    at the end are left to the poses that are held there. Without beats, the song is danced from 0 to its end.
+    They are strong beats, on downbeats if bars are known. An introduction or an ending without beats is not
+    danced. At least 0.7 s at the beginning and 0.3 s at the end remain for the poses that are held there.
+    Without beats, the song is danced from 0 to its end.
     """
     beats = np.flatnonzero((counts.times_s >= FIRST_HOLD_S) & (counts.times_s <= duration_s - LAST_HOLD_S))
     if len(beats) < 2 * _BAR_OF:
@@ -61,17 +62,17 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
 
 
 def setting_off_s(opening_s: float) -> tuple[float, float]:
-    """From when to when a dance goes from its first held pose to full speed: 0.4 s, or all there is."""
+    """The span from the first held pose to full speed: 0.4 s, or all of the time before the first count."""
     return opening_s - min(_EASE_IN_S, opening_s), opening_s
 
 
 def coming_to_rest_s(opening_s: float, closing_s: float) -> tuple[float, float]:
-    """From when to when it goes from full speed to its last held pose: 0.38 s, but not before `opening_s`."""
+    """The span from full speed to the last held pose: 0.38 s, but not before `opening_s`."""
     return max(opening_s, closing_s - _EASE_OUT_S), closing_s + _SETTLE_S
 
 
 def held_times_s(opening_s: float, closing_s: float) -> tuple[float, float]:
-    """The times whose poses are held before the first count and after the last: half of an ease is danced."""
+    """The times whose poses are held before the first and after the last count, half-way through an ease."""
     first, last = setting_off_s(opening_s), coming_to_rest_s(opening_s, closing_s)
     return 0.5 * sum(first), 0.5 * sum(last)
 
@@ -88,12 +89,12 @@ def _strength_at(times_s: Floats, log_mel: NDArray[np.floating]) -> Floats:
 def join_times_s(counts: Counts, n_borders: int) -> Floats:
     """The instants (B,) near seconds 0 … B - 1 at which takes may change.
 
-    The downbeat within half a second, else the nearest beat, else the second itself. No two seconds share
-    an instant.
+    It is the downbeat within half a second, else the nearest beat, else the second itself. No two seconds
+    share an instant.
     """
     seconds = np.arange(n_borders, dtype=np.float64)
     joins = seconds.copy()
-    for instants in (counts.times_s, counts.downbeat_times_s):  # downbeats last: they come first
+    for instants in (counts.times_s, counts.downbeat_times_s):  # downbeats replace beats
         border = np.round(instants).astype(np.int64)
         for second in np.unique(border[(border >= 0) & (border < n_borders)]):
             near = instants[border == second]
@@ -105,9 +106,9 @@ def join_times_s(counts: Counts, n_borders: int) -> Floats:
 
 
 SECTION_S = 12.0  # average length of a section
-_MIN_SECTION_S = 6.0  # anything shorter is a fill or a break, not a section
+_MIN_SECTION_S = 6.0  # a shorter part is a fill or a break, not a section
 _MIN_BEATS = 8
-_SAME_SECTION_DISTANCE = 0.35  # of the features' deviation: closer sections, on average, are repeats
+_SAME_SECTION_DISTANCE = 0.35  # of the features' deviation. Sections with a lower mean distance are repeats
 # Weights of standardised groups. Timbre separates sections better than harmony. Both together do best.
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
 _CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
@@ -133,13 +134,13 @@ def song_sections(
     change_times_s: NDArray[np.floating] = _NONE,
     report: StepReport | None = None,
 ) -> Sections:
-    """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,): by downbeats where those are given.
+    """The sections of a song, mono at 22.05 kHz, bounded by beats (Q,), or by downbeats if those are given.
 
     Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
-    agglomerative segmentation) to one section per 12 s, those shorter than 6 s with the neighbour that is
-    more like them, and sections with similar mean features get one label. There is a bound at every beat of
-    `change_times_s` (C,), where other music is known to begin (see `music.metrical_level`): one that is 1.5
-    to 4 s from it is moved there. It takes at least 17 beats.
+    agglomerative segmentation) to one section per 12 s. Sections shorter than 6 s are merged with the more
+    similar neighbour. Sections with similar mean features get one label. There is a bound at every beat of
+    `change_times_s` (C,), where other music begins (see `music.metrical_level`). A bound that is 1.5 to 4 s
+    from it is moved there. At least 17 beats are needed.
 
     Raises `ParameterError` as `spectral_features` does.
     """

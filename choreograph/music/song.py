@@ -1,8 +1,9 @@
-"""`Song`: a piece of music as mono samples at the program's rate, from any audio file.
+"""`Song`, a piece of music as mono samples at the program's rate, from any audio file.
 
-RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile. All else (mp3, m4a, opus, video with sound, and
-what soundfile refuses) by PyAV, whose FFmpeg prints no warnings about cut bit reservoirs in mp3. Both
-decode in blocks that are mixed down and resampled immediately, so a song takes 4 bytes a sample.
+RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile. Other formats (mp3, m4a, opus, video with sound, and
+files that soundfile cannot read) are decoded by PyAV, whose FFmpeg prints no warnings about cut bit
+reservoirs in mp3. Both decode in blocks that are mixed down and resampled immediately, so a song takes 4
+bytes per sample.
 """
 
 from __future__ import annotations
@@ -24,18 +25,18 @@ from choreograph.core.progress import one_line
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
 
-SILENCE_PEAK = 1e-4  # -80 dB: a song whose peak amplitude is lower counts as silent
+SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _LONG_S = 3600.0
 _LONGEST_S = 3 * 3600.0
-_CANCELLED = 0.01  # power of the mix to that of its channels
+_CANCELLED = 0.01  # ratio of the power of the mix to that of its channels
 
 
 @dataclass(frozen=True, eq=False)
 class Song:
     """Mono samples in [-1, 1] at 22.05 kHz, their source, and notes on anything unusual.
 
-    Raises `ParameterError` unless there is a sample or more, all are finite floats, and name, path, notes and
-    start are such.
+    Raises `ParameterError` unless there is a sample or more, all samples are finite floats, and all other
+    fields have their types.
 
     Examples
     --------
@@ -75,7 +76,7 @@ class Song:
         return len(self.samples) / SAMPLE_RATE_HZ
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
-        """From `start_s` of it on, for `duration_s` or as long as it lasts. Raises as `load_song`."""
+        """The part from `start_s` on, for `duration_s` or to the end. Raises as `load_song`."""
         check_span(start_s, duration_s)
         first = round(start_s * SAMPLE_RATE_HZ)
         stop = None if duration_s is None else first + max(1, round(duration_s * SAMPLE_RATE_HZ))
@@ -90,7 +91,7 @@ class Song:
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:
-    """Raise `ParameterError` unless the part of the song is given in seconds, and there is one."""
+    """Raise `ParameterError` unless the part of the song is given in seconds and is not empty."""
     if as_number("start_s in seconds", start_s) < 0:
         raise unexpected("a start in seconds of 0 or more", start_s)
     if duration_s is not None and as_number("duration_s in seconds or None", duration_s) <= 0:
@@ -105,11 +106,11 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ----------
     path : any container, rate and channel count that soundfile or FFmpeg reads
     start_s : seconds to skip at the beginning
-    duration_s : seconds to keep from there, or as many as there are, or None for all
+    duration_s : seconds to keep from there, if the song has as many, or None for all
 
     Returns
     -------
-    Song   with `notes` if some of it is lost, it is silent, shorter than a segment, or very long
+    Song   with `notes` if a part of it is lost, or if it is silent, shorter than a segment, or very long
 
     Raises
     ------
@@ -134,7 +135,7 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
             raise _past_the_end(start_s, path)
         raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
     if levels.cancel:
-        notes = (*notes, "the channels cancel each other: they are mixed with their phases turned alike")
+        notes = (*notes, "the channels cancel each other: they are mixed with their phases aligned")
     return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
 
 
@@ -154,20 +155,20 @@ def _decoded(
 
 
 class _Levels:
-    """How channels (C,) relate to each other: which are in phase with the loudest."""
+    """The phases of channels (C,) relative to the loudest channel."""
 
     def __init__(self, n_channels: int) -> None:
         self._products = np.zeros((n_channels, n_channels))  # sums of products of two channels
 
     def watched(self, blocks: Blocks) -> Blocks:
-        """The blocks (S_b, C) as they are."""
+        """The blocks (S_b, C), unchanged."""
         for block in blocks:
             self._products += block.T @ block
             yield block
 
     @property
     def cancel(self) -> bool:
-        """Whether the mean of the channels is far quieter than they are."""
+        """Whether the mean of the channels is far quieter than the channels."""
         n_channels = len(self._products)
         power = np.trace(self._products) / n_channels
         return n_channels > 1 and self._products.mean() < _CANCELLED * power
@@ -239,7 +240,7 @@ def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[
 
 
 def _concatenated(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Concatenate and empty `parts`, so that peak memory is one song, not two."""
+    """Concatenate and empty `parts`, so that peak memory is one song and not two."""
     samples = np.empty(sum(map(len, parts)), np.float32)
     end = len(samples)
     while parts:

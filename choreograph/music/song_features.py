@@ -1,4 +1,4 @@
-"""`SongFeatures`: the features of a song per second, its energy and its tempo-density."""
+"""`SongFeatures`, the features of a song per second, with its energy and its tempo-density."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
 from choreograph.music.sections import Sections
 
-# `SongFeatures`: the features of a song that the engines plan from, per second.
+# `SongFeatures`, the features of a song per second that the engines use for planning.
 
 
 @dataclass(frozen=True, eq=False)
 class SongFeatures:
-    """Features of a song, as costs receive them. S is its number of seconds, rounded up.
+    """Features of a song, which costs receive. S is its number of seconds, rounded up.
 
     Examples
     --------
@@ -39,7 +39,7 @@ class SongFeatures:
     sections: Sections
     energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 6 dB below its loud level
     opening_s: float  # the first count that is danced. Before it the first pose is held
-    closing_s: float  # the last one
+    closing_s: float  # the last count that is danced
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
 
     __repr__ = one_line
@@ -55,19 +55,19 @@ class SongFeatures:
         return len(self.style)
 
 
-# Energy of a song: how loud each second is among its seconds, which is what dancers follow.
+# Energy of a song: the loudness of each second relative to the others, which dancers follow.
 
 
-_SPAN_S = 5  # of the moving median: phrases, not beats, bangs or breaths
-_SILENT_DB = 60.0  # so far below the loudest second there is no sound
+_SPAN_S = 5  # of the moving median, which keeps phrases and removes beats, bangs and short pauses
+_SILENT_DB = 60.0  # below the loudest second. Quieter seconds are silent
 _RANGE_DB = 6.0  # the break of a mastered song is 4 to 6 dB below its chorus
 
 
 def energy_per_second(samples: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
     """Energy (S,) of each second of a song, mono at 22.05 kHz: 1 at its loud level, 0 at 6 dB below or less.
 
-    Its loud level is the 90th percentile of the seconds with sound, so that one bang does not make everything
-    else soft. Silent seconds have energy 0.
+    Its loud level is the 90th percentile of the seconds with sound, so that one bang does not lower the
+    energy of all other seconds. Silent seconds have energy 0.
     """
     n_samples = min(len(samples), n_seconds * SAMPLE_RATE_HZ)
     power = np.zeros(n_seconds)
@@ -87,17 +87,17 @@ def energy_per_second(samples: NDArray[np.floating], n_seconds: int) -> NDArray[
     return per_second
 
 
-# The analytic tempo-density: a Gaussian bump on every beat of the motion or of the music.
+# The analytic tempo-density, a Gaussian bump on every beat of the motion or of the music.
 #
-# Baseline and fallback for the learned one (`nets.density`), with the same two functions: one curve per
-# take at 20 fps, and one per second of music for the 4 s from there.
+# It is the baseline and fallback for the learned one (`nets.density`). Both have the same two functions, one
+# curve per take at 20 fps, and one per second of music for the 4 s from there.
 
 
 BUMP_S = 0.08  # standard deviation of a bump
 
 
 def bumps(times_s: NDArray[np.floating], beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
-    """1 at every beat, falling towards 0 between beats, at `times_s` (T,)."""
+    """The density at `times_s` (T,): 1 at every beat, falling towards 0 between beats."""
     if len(beat_times_s) == 0:
         return np.zeros(len(times_s), np.float32)
     after = np.searchsorted(beat_times_s, times_s)

@@ -17,9 +17,9 @@ The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `music.fram
 | 85–90 | tonal centroid features | 6 | tonnetz |
 | 91 | zero-crossing rate, of a sample | 1 | zero_crossing_rate |
 
-12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. Where the table leaves details open: contrast has one number
-there and seven in librosa, so we take their mean. The mel spectrogram is in decibels, since power spans
-six orders of magnitude. An interval's row is the mean of the frames centred in it. Windows and bands are
+12 + 12 + 12 + 26 + 13 + 5 + 6 + 1 = 87. The table leaves some details open. Contrast has one number there and
+seven in librosa, so we use their mean. The mel spectrogram is in decibels, since power spans six orders of
+magnitude. The row of an interval is the mean of the frames centred in it. Windows and bands are
 librosa's defaults (2,048 samples, hop 512, 128 mel bands for the MFCC). Loudness is normalised first.
 """
 
@@ -52,11 +52,11 @@ _STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
 _CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
 _CQT_MIN_SAMPLES = 1 << 16  # samples. The lowest octave's filters are this long
-_CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes: 0.3 GB on the way, and few songs have a border, of the last bit
+_CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes, which take 0.3 GB. The last bit may differ at a border of blocks
 _TUNING_HOP = 8 * _HOP
 _TUNING_BLOCK_FRAMES = 512
-# White noise at unit loudness has 768 in every bin of a power spectrum, 16-bit dither some 1e-4: below this
-# floor a bin is inaudible and must not determine the timbre of a pause.
+# White noise at unit loudness has 768 in every bin of a power spectrum, and 16-bit dither about 1e-4. Below
+# this floor a bin is inaudible and must not determine the timbre of a pause.
 _POWER_FLOOR = 1e-3
 _MEL_POWER_FLOOR = 1e-5
 _CQT_FLOOR = 1e-3  # of the song's strongest bin
@@ -80,7 +80,7 @@ def spectral_features(
     -------
     float32 array (Q - 1, 87)   columns as in `SPECTRAL_COLUMNS`. No row if there are fewer than two beats.
     An interval too short to hold a frame (23 ms) gets those of the next frame. In silence the mel bands
-    are at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and all else but mfcc is 0.
+    are at their floor of -50 dB, flatness is 1 (a spectrum without a peak), and all others except mfcc are 0.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 
 
 def _tuning(samples: NDArray[np.float32]) -> float:
-    """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 where no pitch is found."""
+    """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 if no pitch is found."""
     from choreograph.music.cached_librosa import librosa
 
     n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP

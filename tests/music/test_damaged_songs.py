@@ -58,7 +58,7 @@ def test_half_an_ogg_is_read_with_a_note(ogg):
     song = load_song(ogg)
     assert 2.0 < song.duration_s < 9.0
     (note,) = song.notes
-    assert note == "the song is cut off: what followed its end is lost"
+    assert note == "the file ends before the song does: the missing part is not danced"
 
 
 def test_zeroed_pages_are_noted_with_how_much_is_lost(ogg):

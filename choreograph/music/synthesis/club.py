@@ -1,4 +1,4 @@
-"""House, disco and funk: a kick that leads, a bass that dances. See `style` for the pattern letters."""
+"""House, disco and funk, led by kick and bass. See `style` for the pattern letters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Composition: a song's form, and the notes of all its tracks."""
+"""Composition of a song: its form, and the notes of all its tracks."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def _names(phrases: int) -> tuple[str, ...]:
     return ("intro", *(_CYCLE[i % len(_CYCLE)] for i in range(phrases - 2)), "outro")
 
 
-# Composition: from a style, a form and a seed to the notes of all tracks.
+# Composition of the notes of all tracks from a style, a form and a seed.
 
 
 _VELOCITIES = {"X": 1.0, "x": 0.8, "o": 0.45}
@@ -171,7 +171,7 @@ def _harmony(style: SongStyle, sections: Sequence[Section], tonic: int, rng: np.
 
 
 def _material(section: Section) -> str:
-    """Which musical material a section uses: the chorus's or the verse's."""
+    """The musical material of a section, that of the chorus or of the verse."""
     return "chorus" if section.name == "chorus" else "verse"
 
 
@@ -267,7 +267,7 @@ def _bass_note(
         return target + (1 if rng.random() < 0.4 else -1)
     if letter == "8":
         return root + 12
-    if letter == "w":  # a chord tone near the last note, not that note itself, towards the next root
+    if letter == "w":  # a chord tone near the last note, but another one, towards the next root
         tones = [
             root + i + octave for i in now.intervals for octave in (0, 12) if root + i + octave < low + 19
         ]

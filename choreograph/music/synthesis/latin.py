@@ -1,4 +1,4 @@
-"""Cha-cha, salsa and rumba: claves, congas, tumbao and montuno. See `style` for the pattern letters."""
+"""Cha-cha, salsa and rumba, with claves, congas, tumbao and montuno. See `style` for the pattern letters."""
 
 from __future__ import annotations
 

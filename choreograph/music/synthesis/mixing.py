@@ -1,4 +1,4 @@
-"""From tracks of notes to a mastered stereo song."""
+"""Renders tracks of notes and masters them to a stereo song."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _soft_limited(mix: Wave) -> Wave:
     return np.asarray(np.where(size > _KNEE, np.sign(mix) * bent, mix), np.float32)
 
 
-# From tracks of notes to a mastered stereo song.
+# Rendering of tracks of notes to a mastered stereo song.
 
 
 _TAIL_S = 1.5  # reverb tail after the last note

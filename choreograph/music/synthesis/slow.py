@@ -1,4 +1,4 @@
-"""Hip-hop and slow contemporary: room between the notes. See `style` for the pattern letters."""
+"""Hip-hop and slow contemporary, with space between the notes. See `style` for the pattern letters."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from scipy.signal import butter, sosfilt
 # Pitched synthesiser voices: wavetable synthesis with a time-varying spectrum, and FM for struck metal.
 #
 # A note of a `Patch` is a bank of single cycles, each with the spectrum at one age of the note (oscillator x
-# low-pass with its envelope x damping that grows with the harmonic). The bank is read at the note's pitch,
-# interpolated by age. Filtered saws, plucked strings, organs and reeds are thus the same few lines, free of
-# aliasing, at four table look-ups per sample.
+# low-pass with its envelope x damping that grows with the harmonic). The bank is read at the note's pitch and
+# interpolated by age. The same few lines make filtered saws, plucked strings, organs and reeds, without
+# aliasing, with four table look-ups per sample.
 
 
 RATE_HZ = 44100
@@ -216,7 +216,7 @@ def _fm_note(patch: FmPatch, hz: float, duration_s: float, velocity: float) -> W
 
 # Drum synthesis. Every sound starts on its first sample, so onset times are exact.
 #
-# Three ingredients: a sine with falling pitch (skins), filtered noise (wires, shells, breath), and a few
+# The sounds consist of a sine with falling pitch (skins), filtered noise (wires, shells, breath), and a few
 # inharmonic square waves (metal). Every sound has some variants, so that consecutive hits differ.
 
 

@@ -1,4 +1,4 @@
-"""What a genre's songs are made of: drum lanes, parts, patterns, keys, chords and melodies."""
+"""The elements of the songs of a genre: drum lanes, parts, patterns, keys, chords and melodies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from choreograph.core.errors import ParameterError
 
-# What a genre is made of: drum lanes, pitched parts, progressions, and their step patterns.
+# The elements of a genre: drum lanes, pitched parts, progressions, and their step patterns.
 #
 # A pattern is a string with four steps per beat, one or more bars long: `.` is a rest, `-` sustains the
 # previous note. Drums and chords: `X` accented, `x` plain, `o` soft. Chords also `1` to `5`, one voice of
@@ -31,7 +31,7 @@ class Lane:
     drum: str
     patterns: tuple[str, ...]  # one is drawn per song
     enters: float = 0.0  # plays in sections whose energy is at least this
-    leaves: float = 2.0  # ... and below this
+    leaves: float = 2.0  # and below this
     db: float = -10.0
     pan: float = 0.0  # -1 left ... 1 right
     send: float = 0.08  # to the reverb
