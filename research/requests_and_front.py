@@ -107,7 +107,7 @@ def seed_table(
             for i, j in combinations(range(seeds), 2)
         ]
         away = " ".join(f"{row['away']:.2f}" for row in rows)
-        far = f"seeds {np.mean(distances):.2f} (least {min(distances):.2f}) m; " if distances else ""
+        far = f"seeds {np.mean(distances):.2f} (least {min(distances):.2f}) m, " if distances else ""
         show(song.name, rows, f"{far}away {away}; {genres_of(made[0])}")
         if song.name in takes:
             motion = takes[song.name].motion

@@ -1,1 +1,1 @@
-"""From a song and constraints to a plan: song analysis, constraints, motifs, and three engines."""
+"""Makes a plan from a song and constraints: song analysis, constraints, motifs, and three engines."""

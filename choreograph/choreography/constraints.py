@@ -141,7 +141,7 @@ class Ban:
 
     Raises
     ------
-    ParameterError   if not exactly one is given, a name is no text, or the motif is negative
+    ParameterError   if not exactly one is given, a name is not text, or the motif is negative
 
     Examples
     --------

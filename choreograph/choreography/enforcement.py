@@ -30,13 +30,13 @@ from choreograph.music.sections import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan, PlannedWord
 
-# Which motif each word of a rendered motion shows.
+# The motif of each word of a rendered motion.
 
 
 def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire) -> NDArray[np.int64]:
-    """The motif of each word (N,) of a motion segmented at `bounds_s` (N + 1,), as a repertoire's own are.
+    """The motif of each word (N,) of a motion segmented at `bounds_s` (N + 1,), as in a repertoire.
 
-    -1 for a word too short to have one.
+    It is -1 for a word that is too short to have one.
     """
     return motifs_of_embeddings(danced_embeddings(motion, bounds_s, repertoire), repertoire)
 
@@ -57,7 +57,7 @@ def danced_embeddings(
 
 
 def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.int64]:
-    """The motif (N,) nearest to each embedding (N, D), -1 for nan."""
+    """The motif (N,) nearest to each embedding (N, D), or -1 for nan."""
     motifs = np.full(len(embeddings), -1, np.int64)
     known = ~np.isnan(embeddings[:, 0])
     if known.any():
@@ -65,7 +65,7 @@ def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire
     return motifs
 
 
-# Pinned and banned motifs. Words of takes replace what violates them, until nothing does.
+# Pinned and banned motifs. Words of takes replace motion that violates them, until none does.
 
 
 WithWords = Callable[[tuple[PlannedWord, ...]], tuple[Plan, Motion]]
@@ -78,7 +78,7 @@ def enforce_motifs(
     repertoire: Repertoire,
     with_words: WithWords,
 ) -> tuple[Plan, Motion]:
-    """The plan with words wherever pinned motifs are not danced, or banned ones are, and its motion.
+    """The plan with words where pinned motifs are not danced or banned ones are, and its motion.
 
     Each word is the one with the best transitions from and to the dance around it. `with_words` renders the
     result, which is checked. A word that no longer shows its motif, or makes another slot wrong, is replaced
@@ -169,8 +169,8 @@ class _Surroundings:
 # The borders of the parts that are kept of another dance, and the poses there.
 
 
-_POSE_WEIGHT = 6.0  # a metre: twice the default of `transition`, since a gap has only two ends
-_VELOCITY_WEIGHT = 0.6  # a metre a second
+_POSE_WEIGHT = 6.0  # per metre, twice the default of `transition`, since a gap has only two ends
+_VELOCITY_WEIGHT = 0.6  # per metre a second
 
 
 @dataclass(frozen=True)

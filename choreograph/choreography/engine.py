@@ -1,4 +1,4 @@
-"""What an engine is: a way from a song's features and the user's constraints to a plan."""
+"""The interface of engines, which make a plan from the features of a song and constraints."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every en
 
 @dataclass(frozen=True, eq=False)
 class DanceRequest:
-    """One dance to plan: everything an engine may use."""
+    """One dance to plan, with everything that an engine may use."""
 
     song: Song
     song_features: SongFeatures
@@ -82,7 +82,7 @@ class EngineResult:
 
 
 class Engine(Protocol):
-    """A way from song features and constraints to a plan."""
+    """A method that makes a plan from song features and constraints."""
 
     name: str
     settings: frozenset[str]  # fields of `DanceConfig` and arguments of `dance` beyond `COMMON_SETTINGS`
@@ -94,10 +94,10 @@ class Engine(Protocol):
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """Raise before any work if the engine cannot dance like this.
+        """Raise before any work if the engine cannot make this dance.
 
-        `RepertoireError` if the repertoire lacks what the engine needs, `ParameterError` for constraints or
-        costs that it cannot follow.
+        Raises `RepertoireError` if the repertoire lacks something that the engine needs, and `ParameterError`
+        for constraints or costs that it does not support.
         """
 
     def plan(self, request: DanceRequest) -> EngineResult:

@@ -1,4 +1,4 @@
-"""The engines by name, and which of them makes a dance.
+"""The engines by name, and the choice of the engine for a dance.
 
 A new engine is one class (`choreography.engine.Engine`) and one line in `BUILTIN_ENGINES`. Another package
 adds a class by an entry point of the group `choreograph.engines`, under the engine's name.
@@ -24,5 +24,5 @@ def engines() -> dict[str, Engine]:
 
 
 def engine_for(config: DanceConfig, constraints: Constraints) -> str:
-    """The engine of `config`, or the mixer in place of the graph engine for a whole sequence of motifs."""
+    """The engine of `config`, or the mixer instead of the graph engine for a whole sequence of motifs."""
     return MixerEngine.name if constraints.motifs and config.engine == GraphEngine.name else config.engine

@@ -70,7 +70,7 @@ def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraint
 def likely_genres(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> list[tuple[int, str]]:
-    """(first second, genre) of each part of the song that is nearest to one genre, as `likely_genre`.
+    """(first second, genre) of each part of the song that is nearest to one genre, as in `likely_genre`.
 
     Dynamic programming finds the least sum of losses over all seconds. A change adds the least loss where a
     section begins at another tempo or metre, and the most inside a section.
@@ -144,7 +144,7 @@ def _within_sections(losses: Floats, song_features: SongFeatures) -> Floats:
 def _metre_losses(
     song_features: SongFeatures, repertoire: Repertoire, of_take: NDArray[np.str_], genres: list[str]
 ) -> Floats:
-    """What the song's metre adds to the losses (S, G)."""
+    """The loss (S, G) of genres for the metre of the song."""
     counts = song_features.counts
     added = np.zeros((song_features.n_seconds, len(genres)))
     if not counts.has_bars:
@@ -180,7 +180,7 @@ class SectionGoal:
 
     first_second: int
     goal: MotifGoal
-    genre: str | None = None  # None: the goal is of no genre
+    genre: str | None = None  # None for a goal without a genre
 
 
 def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:

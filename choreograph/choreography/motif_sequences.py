@@ -1,4 +1,4 @@
-"""Sequences of motifs: the goals of a dance, and random sequences that reach them on the beats of the bar."""
+"""Sequences of motifs: the goals of a dance, and random sequences towards them, on the beats of the bar."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def motif_goal(
 
 
 UNKNOWN = 0
-_WITHIN = 0.15  # of a count's length: farther from a count, a word is not on it
+_WITHIN = 0.15  # of a count's length. A word that is farther from a count is not on it
 _MANY = 100  # more than the counts of any bar
 
 
@@ -95,18 +95,18 @@ def possible_motifs(
     return possible
 
 
-# Sequences of motifs, drawn to have a genre's signature and transitions, around pinned motifs.
+# Sequences of motifs, drawn so that they have the signature and transitions of a genre, around pinned motifs.
 #
 # Rhythm is a Dancer, section 4.3. Equation 5 is, componentwise, p_{k+1} = |s_k - s_G| · T_j, normalised to
-# sum to 1: s_k is the signature of the dance so far, s_G the target signature, T_j the row of the transition
-# matrix for the last motif. Read literally, a motif danced too often is as likely as one danced too seldom.
-# This contradicts the text, which raises "the probability of missing motifs". Our default is therefore the
-# missing part of the difference, max(s_G - s_k, 0) (parameter `need`).
+# sum to 1. Here s_k is the signature of the dance so far, s_G the target signature, and T_j the row of the
+# transition matrix for the last motif. Literally, a motif that is danced too often is as likely as one that
+# is danced too seldom. This contradicts the text, which raises "the probability of missing motifs". Our
+# default is therefore the missing part of the difference, max(s_G - s_k, 0) (parameter `need`).
 
 
 NEEDS = ("missing", "absolute")
 _UNSEEN = 1e-9  # probability of unseen transitions in the backward messages, for pins that need one
-_DEAD_END = 1e-7  # missing motifs with a smaller share of the probability reach the next pin only by these
+_DEAD_END = 1e-7  # missing motifs with a smaller share of the probability reach the next pin only by them
 
 
 def draw_motifs(
@@ -128,9 +128,9 @@ def draw_motifs(
     transitions : float array (K, K)   row i: probabilities of the motif after motif i
     pins : position -> motif           always kept. Pinning all positions re-creates a given dance
     banned : motifs that must not occur
-    possible : bool array (N, K)       which motifs each word may be (ours: those that have a word on its
-        count), or all if there is none
-    need : "missing" or "absolute": how equation 5's difference is read, see above
+    possible : bool array (N, K)       which motifs each word may be, such as those that have a word on its
+        count, or all if there is none. This is not in the paper
+    need : "missing" or "absolute", the reading of the difference in equation 5, see above
 
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next pin
     in the remaining steps, by possible motifs (backward messages, one per position). Gaps are therefore
@@ -176,7 +176,7 @@ def draw_next_motif(
     possible: NDArray[np.bool_],
     need: str = "missing",
 ) -> int:
-    """The motif of the next word of a dance: `draw_motifs` without pins, word by word.
+    """The motif of the next word of a dance, as by `draw_motifs` without pins, word by word.
 
     `danced` (K,) is how often each motif was danced so far and `previous` the last one, None before the first
     word. `possible` (2, K) is which motifs this word and the next may be. A row without any means all. Later

@@ -1,4 +1,4 @@
-"""Selection: the K clips that take part in each second of a dance."""
+"""Selection of the K clips that are candidates in each second of a dance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from choreograph.core.numerics import AnyFloats, Floats, squared_distances
 from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import Vocabulary
 
-# The effort of motion: how large it is, and how dense its steps are, for a part of the song (ours).
+# The effort of motion, its size and the density of its steps, for a part of the song (not in the paper).
 #
 # Effort cannot be learned from pairs of music and motion. The dancers of dance-with-melody move in the
 # softest part of a song almost as in the loudest (0.97 of the speed). It is therefore a rule: loud parts get
@@ -21,7 +21,7 @@ from choreograph.library.motifs import Vocabulary
 
 
 def energy_mismatch(louder: float, liveliness: AnyFloats) -> AnyFloats:
-    """How far ranks of liveliness (N,) are from a part that is `louder` than its song, -1 … 1.
+    """Mismatch of ranks of liveliness (N,) with a part that is `louder` than its song, -1 … 1.
 
     A part that is as loud as the song on average has no mismatch.
     """
@@ -29,7 +29,7 @@ def energy_mismatch(louder: float, liveliness: AnyFloats) -> AnyFloats:
 
 
 def steps_mismatch(onset_density: float, steps: AnyFloats) -> AnyFloats:
-    """How far ranks of steps (N,) are from the density of onsets, as a rank in the song."""
+    """Mismatch of ranks of steps (N,) with the density of onsets, as a rank in the song."""
     mismatch: AnyFloats = np.abs(steps - onset_density)
     return mismatch
 
@@ -62,7 +62,7 @@ def genre_distances(
     return distances
 
 
-# Selection by signature: clips with the motifs that it needs come first.
+# Selection by signature. Clips with the motifs that it needs come first.
 
 
 def clip_signature_mismatch(
@@ -75,10 +75,10 @@ def clip_signature_mismatch(
 ) -> Floats:
     """Mismatch (N,) of each clip with a signature (K,), for a dance of `n_words` words.
 
-    The mean over the clip's words of (1 - n) / (1 + n), with n the expected count of the word's motif: the
-    cost of the word as the first of a dance (`choreography.graph.motif_costs.Signature`). It is -1 if all
-    motifs are frequent, 1 if none is expected, and 0 for a clip without words. Words are those that were
-    segmented on the take's own beats.
+    It is the mean over the clip's words of (1 - n) / (1 + n), with n the expected count of the word's motif.
+    This is the cost of the word as the first one of a dance (`choreography.graph.motif_costs.Signature`). The
+    mismatch is -1 if all motifs are frequent, 1 if none is expected, and 0 for a clip without words. Words
+    are those that were segmented on the beats of the take.
     """
     expected = n_words * signature[vocabulary.word_motif]  # (W,)
     word_cost = (1.0 - expected) / (1.0 + expected)
@@ -178,19 +178,19 @@ def style_losses(
         )
 
 
-# Random selection among the clips that suit the music, for varied dances (ours).
+# Random selection among the clips that suit the music, for varied dances (not in the paper).
 
 
 Mask = NDArray[np.bool_]
 
-_SUITABLE_SHARE = 0.5  # of the candidates, at least
+_SUITABLE_SHARE = 0.5  # least share of the candidates
 
 
 class ClipPriorities:
     """Random numbers by which clips are drawn. They stay the same while a take is continued.
 
-    The clip that begins one second later in a take has, one second later in the song, the same number. A take
-    that is drawn can therefore be danced to its end, however few candidates are drawn.
+    The clip that begins one second later in a take has the same number one second later in the song. A take
+    that is drawn can therefore be danced to its end, even with few candidates.
 
     Raises `ParameterError` if there are no clips.
     """

@@ -20,14 +20,14 @@ from choreograph.render.rendering import LENGTH_SLACK_S
 # A dance with parts that are kept in another one.
 
 
-SHORTEST_GAP_S = 2.0  # two transitions of half a second, and as long between them
-_SHORTEST_END_S = 1.0  # before or after all that is kept: one transition, and as long beside it
+SHORTEST_GAP_S = 2.0  # two transitions of half a second, and a second between them
+_SHORTEST_END_S = 1.0  # before or after all kept parts: one transition, and half a second beside it
 _TOUCH_S = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class KeptDance:
-    """A dance with parts that are kept. The gaps between them are planned anew."""
+    """A dance of which some parts are kept. The gaps between them are planned anew."""
 
     motion: Motion  # (T frames) the whole dance, at the rate of the new one
     stretches: tuple[Keep, ...]  # in order, disjoint
@@ -119,7 +119,7 @@ def check_pins_in_gaps(constraints: Constraints, kept: KeptDance) -> None:
 
 @dataclass(frozen=True, eq=False)
 class ResolvedConstraints:
-    """What each word of one dance may be. Slots are the indices of the words."""
+    """The constraints on each word of one dance. Slots are the indices of the words."""
 
     requested: Constraints
     bounds_s: NDArray[np.float64]  # (N + 1,) times at which words begin and end
@@ -136,7 +136,7 @@ class ResolvedConstraints:
 
     @property
     def constrains_motifs(self) -> bool:
-        """Whether some motif must be danced, or must not."""
+        """Whether a motif is required or banned."""
         return bool(self.motifs) or bool(self.motif_banned.any())
 
 
@@ -265,7 +265,7 @@ def _slots_of(pin: TakePin, bounds_s: NDArray[np.float64], duration_s: float) ->
 
 
 def _check_words_exist(resolved: ResolvedConstraints, repertoire: Repertoire) -> None:
-    """Raise `ParameterError` where the constraints leave no word to dance."""
+    """Raise `ParameterError` if the constraints leave no word to dance in a slot."""
     vocabulary = repertoire.vocabulary
     for slot, motif in resolved.motifs.items():
         at = f"{resolved.bounds_s[slot]:.1f} s"

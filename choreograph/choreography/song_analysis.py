@@ -31,7 +31,7 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
 
 _STEPS = 100  # of the progress, most of which is for the sections
-_NEAREST_CLIPS = 32  # whose takes determine at which tempo a second of the song can be danced
+_NEAREST_CLIPS = 32  # whose takes determine the tempo at which a second of the song can be danced
 
 
 @one_thread()

@@ -25,8 +25,8 @@ F32 = NDArray[np.float32]
 # Each call runs on one thread. The planner evaluates parts of a block of edges in threads of its own.
 
 
-# A squared distance is the difference of sums: below this share of them it is their rounding error, which
-# depends on how many rows are multiplied at once.
+# A squared distance is the difference of sums. Below this share of them, it is their rounding error, which
+# depends on the number of rows that are multiplied at once.
 _ROUNDING = np.float32(2e-6)
 
 
@@ -66,9 +66,9 @@ def revisits(
     return back
 
 
-_USAGE_SCALE_S = 12.0  # three minutes in 15 takes
-_STILL_M_S = 0.1  # bodies this slow hardly differ in velocity
-_OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is no repeat: both takes may contain the beat
+_USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
+_STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
+_OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
 
 
 class Cost:
@@ -166,9 +166,9 @@ class Completeness(Cost):
 
     The cost of staying is σ((20 - V) / 5), where V is the number of frames from the last motion beat before
     the border to the first one after it (ChoreoGraph, section 3.3). In a second without a beat, the gap
-    extends to its far end. Ours: staying in a take that is aligned by its counts costs nothing. Its figures
-    determine where an action is complete (`Phrasing`). If such takes were left where the body rests, dances
-    would rest more than their dancers do.
+    extends to its far end. Unlike in the paper, staying in a take that is aligned by its counts costs
+    nothing. Its figures determine where an action is complete (`Phrasing`). If such takes were left where the
+    body rests, dances would rest more than their dancers do.
     """
 
     min_jump_cost = 1.0
@@ -199,11 +199,11 @@ class Transition(Cost):
 
 
 class Velocity(Cost):
-    """Root mean square difference of joint velocities at the border, over the two bodies' mean speed (ours).
+    """Root mean square difference of joint velocities at the border, divided by the mean speed (ours).
 
-    It is 0 if both move alike, and up to 2 if one rests or they move in opposite directions. The difference
-    itself is least where both rest. Takes would change there, and dances would rest more than their dancers
-    do.
+    It is 0 if both bodies move in the same way, and up to 2 if one rests or they move in opposite directions.
+    Without the division, it would be least where both rest. Takes would change there, and dances would rest
+    more than their dancers do.
     """
 
     min_jump_cost = 0.0
@@ -250,7 +250,7 @@ class Bars(Cost):
 
 
 class Phrasing(Cost):
-    """How badly a change of takes fits the figures of both, 0 … 1 (ours).
+    """Mismatch of a change of takes with the figures of both, 0 … 1 (ours).
 
     It is 0 where a figure of one take ends and one of the other begins, and 1 inside figures and off count 1.
     """
@@ -292,8 +292,8 @@ class Steps(Cost):
 class Pace(Cost):
     """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
-    Ours. In the paper, every warp within the slope limits is free, and the dances are hectic. At 1.5 times
-    the speed, feet slide 1.5 times as fast, and accelerations are more than doubled.
+    This cost is ours. In the paper, every warp within the slope limits is free, and the dances are hectic. At
+    1.5 times the speed, feet slide 1.5 times as fast, and accelerations are more than doubled.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:

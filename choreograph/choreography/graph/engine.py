@@ -37,7 +37,7 @@ from choreograph.render.runs import Run, TransitionTiming
 from choreograph.render.transitions import time_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
 
-_COST_DECIMALS = 4  # of a cost in a plan: beyond them CPUs differ
+_COST_DECIMALS = 4  # of a cost in a plan. Further decimals differ between CPUs
 
 
 class GraphEngine:
@@ -69,7 +69,7 @@ class GraphEngine:
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """As `Engine.check`: it needs clips, and dances seconds rather than a whole sequence of motifs."""
+        """As `Engine.check`. It needs clips, and plans seconds instead of a whole sequence of motifs."""
         if config.planner == "motion-graph" and (constraints.genre or constraints.signature):
             raise ParameterError(
                 "expected the planner exact or greedy for a genre or signature, got motion-graph, which "
@@ -136,7 +136,7 @@ def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ..
 
 
 def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:
-    """The weight of every cost that may take part, the user's `costs` and installed ones among them.
+    """The weight of every cost that may be used, with those of the user's `costs` and of installed ones.
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
@@ -185,7 +185,7 @@ def _borders_pin(pin: TakePin, before: Run, after: Run) -> bool:
 
 
 def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
-    """The goals of the motif costs, where they take part, and notes.
+    """The goals of the motif costs, if these are used, and notes.
 
     Raises `ParameterError` if there is none although the user gave a weight of a motif cost.
     """
@@ -205,7 +205,7 @@ def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
 
 
 def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[Path, dict[str, float]]:
-    """The path that the planner finds, and the weights of the costs it was searched by."""
+    """The path of the planner, and the weights of its costs."""
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
     costs += installed_costs(config.weights, request.costs)

@@ -95,7 +95,7 @@ def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, Take
     return owner
 
 
-# Which clips of the repertoire take part in the graph of a dance, second by second.
+# The clips of the repertoire that are candidates in each second of a dance.
 
 
 _OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
@@ -110,7 +110,7 @@ def candidate_clips(
     costs: Sequence[WeightedCost],
     allowed: AllowedNodes | None,
 ) -> NDArray[np.int64]:
-    """The clips that take part in each second, (S, K)."""
+    """The candidates of each second, (S, K)."""
     repertoire = request.repertoire
 
     def may_dance(second: int) -> Mask:

@@ -17,22 +17,22 @@ from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
 _ALL = slice(None)
 _USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
-USAGE_MEMORY_S = 16 * 120  # usage of longer ago is below 2e-7 of that of now
+USAGE_MEMORY_S = 16 * 120  # earlier usage has a weight below 2e-7
 
 
 class PoseBank(Protocol):
-    """What layers need from the repertoire, of clips at fractional frames."""
+    """The features of clips at fractional frames that layers read from the repertoire."""
 
     def poses_m(self, clip: AnyInts, frames: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
         """Poses (N, 21, 3) and velocities (N, 21, 3) in m/s, both in the root frame."""
         ...
 
     def liveliness(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
-        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` within a second."""
+        """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` in one second."""
         ...
 
     def count_uncertainty(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
-        """Uncertainty (N,), 0 … 1, of the counts half way between two frames of each clip."""
+        """Uncertainty (N,), 0 … 1, of the counts halfway between two frames of each clip."""
         ...
 
 
@@ -164,7 +164,7 @@ _ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_g
 
 @dataclass(frozen=True, eq=False)
 class ClipTable:
-    """Columns of the repertoire's clips and takes that layers show."""
+    """Columns of the repertoire's clips and takes that layers contain."""
 
     take: AnyInts  # (N,)
     start_frame: AnyInts  # (N,) in its take, 20 fps

@@ -23,9 +23,9 @@ from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.sections import held_times_s
 from choreograph.music.song_features import SongFeatures
 
-# The motifs that each node dances.
+# The motifs of each node.
 #
-# Words last from music beat to music beat. A word belongs to the second of the song that its middle is in.
+# Words last from music beat to music beat. A word belongs to the second of the song that contains its middle.
 
 
 MotifsOf = Callable[[NDArray[np.int64], AnyFloats, AnyFloats], NDArray[np.integer]]
@@ -86,7 +86,7 @@ def _source_frames(maps: NDArray[np.floating], times_s: AnyFloats) -> NDArray[np
 # Costs by which a dance follows a genre: its motif signature and its motif transitions.
 
 
-_MIN_PROBABILITY = 1e-3  # transitions never seen cost as much as one in a thousand
+_MIN_PROBABILITY = 1e-3  # transitions that never occur cost as much as those that occur once in a thousand
 
 
 Goals = Sequence[tuple[int, MotifGoal]]  # (first second, goal) of each part of the song, in order
@@ -143,7 +143,7 @@ def _motif_count_costs(
     """
     n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
     n_motifs, n_counts = step_cost.shape
-    repeats = np.zeros((n_b, width), np.int64)  # how often the node itself has danced the motif before
+    repeats = np.zeros((n_b, width), np.int64)  # number of earlier words of the node with the same motif
     for j in range(n_b):
         for w in range(width):
             for v in range(w):

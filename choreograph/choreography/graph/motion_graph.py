@@ -1,4 +1,4 @@
-"""The paper's baseline: a static motion graph instead of the dynamic one."""
+"""The baseline of the paper, a static motion graph instead of the dynamic one."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from choreograph.core.errors import NoPathError
 from choreograph.core.progress import StepReport, part
 from choreograph.music.song_features import SongFeatures
 
-NEIGHBOURS = 32  # edges that each clip keeps: the smoothest transitions from its first second
+NEIGHBOURS = 32  # edges of each clip, with the smoothest transitions from its first second
 
 
 def plan_motion_graph(
@@ -26,12 +26,12 @@ def plan_motion_graph(
     *,
     report: StepReport | None = None,
 ) -> Path:
-    """A walk on clips' first warped seconds by transition alone (ChoreoGraph, section 4).
+    """A walk on the first warped seconds of clips by transition alone (ChoreoGraph, section 4).
 
-    Only the first second of each warped segment is a node, so completeness and style play no part. As in
-    Kovar's motion graphs, the graph over clips is pruned to its largest strongly connected component, so
-    that the walk has no dead ends. The edge is then chosen by the warped poses of each second's candidates.
-    User-defined costs count as in the other planners.
+    Only the first second of each warped segment is a node, so completeness and style have no effect. As in
+    Kovar's motion graphs, the graph over clips is pruned to its largest strongly connected component, so that
+    the walk has no dead ends. The edge is then chosen by the warped poses of the candidates of each second.
+    User-defined costs are used as in the other planners.
     """
     n_seconds = source.n_seconds
     allowed_clips = _largest_component(source, song_features, part(report, 0, n_seconds, 2 * n_seconds))

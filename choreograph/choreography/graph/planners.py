@@ -1,4 +1,4 @@
-"""Planners: which node to dance in each second."""
+"""Planners, which choose the node to dance in each second."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Path:
     """The chosen node of every second, as layers of one node, and its costs."""
 
     nodes: tuple[Layer, ...]  # S layers of one node
-    costs: tuple[dict[str, float], ...]  # S: cost name -> weighted cost, node and edge from the last
+    costs: tuple[dict[str, float], ...]  # S, cost name -> weighted cost of the node and of the edge into it
 
     @property
     def total(self) -> float:
@@ -60,10 +60,11 @@ def plan_exact(
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
 
-    The paper plans greedily (section 3.3). Two kinds of cost depend on the path so far, and make the result
-    cheap rather than the cheapest. `Signature` is evaluated along the cheapest path found to each node: a
-    beam search as wide as a layer has nodes. Recent usage of takes is that of the cheapest path so far, and
-    is fixed for each second. Without recent usage, never costlier than `plan_greedy` on the same layers.
+    The paper plans greedily (section 3.3). With two kinds of cost, which depend on the path so far, the
+    result is not always the cheapest path. `Signature` is evaluated along the cheapest path found to each
+    node, as in a beam search with the width of a layer. Recent usage of takes is that of the cheapest path so
+    far, and is fixed for each second. Without recent usage, the path never costs more than that of
+    `plan_greedy` on the same layers.
 
     Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
     wrong shape, or an edge below its own lower bound.
@@ -89,7 +90,7 @@ def plan_exact(
                 raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
             if greedy is not None and not greedy.extend(following, node_cost, costs, song_features):
                 greedy = None
-            # Nodes that cannot be reached stay, at infinite cost, so that indices agree.
+            # Nodes that cannot be reached keep their place, with infinite cost, so that indices agree.
             reached = best + node_cost
             layer = following.with_motif_counts(layer.motif_counts[parent])
             node_keys.append(_node_keys(layer))
@@ -203,10 +204,10 @@ def _viterbi_step(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
 
-    Branch and bound: first the edges inside segments, one into each node. Then all predecessors, cheapest
-    first, in growing blocks. A predecessor whose cost plus the lower bound of a jump exceeds the best path
-    found into a node cannot improve it, and such rows and columns of the edges are not evaluated. The result
-    is that of all edges.
+    The method is branch and bound. First the edges inside segments are evaluated, one into each node, and
+    then all predecessors, cheapest first, in growing blocks. A predecessor whose cost plus the lower bound of
+    a jump exceeds the best path found into a node cannot improve it. Such rows and columns of the edges are
+    not evaluated. The result is that of all edges.
     """
     best, parent = _continue_segments(layer, following, reached, costs, song_features)
     order = np.argsort(reached, kind="stable")

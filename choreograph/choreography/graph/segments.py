@@ -1,4 +1,4 @@
-"""Warping every second's candidates: the segments that the graph inserts."""
+"""Warped segments of the candidates of every second, which are inserted into the graph."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from choreograph.core.numerics import frame_weights
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 
-NEAR_FRAMES = 1.0  # 50 ms: beats no further apart match fully
-FAR_FRAMES = 5.0  # 250 ms: beats further apart do not match at all
-_UNKNOWN_OFF_BAR = 0.75  # of a take without counts: chance in a bar of four
+NEAR_FRAMES = 1.0  # 50 ms, up to which beats match fully
+FAR_FRAMES = 5.0  # 250 ms, beyond which beats do not match at all
+_UNKNOWN_OFF_BAR = 0.75  # of a take without counts, as by chance in a bar of four
 
 
 @dataclass(frozen=True, eq=False)
 class ClipBeats:
-    """Motion beats of all clips, in clip frames at 20 fps, end to end."""
+    """Motion beats of all clips, in clip frames at 20 fps, concatenated."""
 
     frames: NDArray[np.float64]  # (Q,)
     ranges: NDArray[np.int64]  # (N, 2)

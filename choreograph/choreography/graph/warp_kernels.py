@@ -1,8 +1,8 @@
 """Compiled loops of the warper, with rows of the cost table vectorised.
 
-They release the GIL, so that `segments` can warp several seconds at once in threads of its own. Some loops
-could be shorter in numpy, but a median or a slice assignment takes seconds to compile, and the first dance
-on a new machine waits for that.
+They release the GIL, so that `segments` can warp several seconds at once in its own threads. Some loops could
+be shorter in numpy, but a median or a slice assignment takes seconds to compile, which delays the first dance
+on a new machine.
 """
 
 from __future__ import annotations

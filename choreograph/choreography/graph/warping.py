@@ -25,7 +25,7 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
 
     Parameters
     ----------
-    query : float array (Tq,) or (K, Tq)    tempo-density wanted, motion frames
+    query : float array (Tq,) or (K, Tq)    target tempo-density, motion frames
     targets : float array (Tt,) or (K, Tt)  tempo-densities of the clips, motion frames
 
     Returns
@@ -68,7 +68,7 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
     return (source_frames[0], cost[0]) if single else (source_frames, cost)
 
 
-# Smooth time maps from the staircase of a DTW path.
+# Smooth time maps from the steps of a DTW path.
 
 
 # In frames⁴: tempo changes over about 2π·⁴√40000 frames ≈ 4.4 s, faster only to match a beat.
@@ -120,11 +120,11 @@ def smooth_time_maps(
     return time_maps
 
 
-# Time maps that align a take's counts with a song's beats: count k + d of the take with beat k of the song.
+# Time maps that align the counts of a take with the beats of a song, count k + d with beat k.
 #
-# The tempo of a take with counts need not be searched for. One whole number, the shift d, determines how it
-# is danced to the song. Its bars coincide with the song's for every shift that brings count 1 to a downbeat.
-# All seconds of a take with one shift have one continuous time map, however many clips it spans. ChoreoGraph
+# The tempo of a take with counts is known. One whole number, the shift d, determines how the take is danced
+# to the song. Its bars coincide with those of the song for every shift that moves count 1 to a downbeat. All
+# seconds of a take with one shift have one continuous time map, however many clips it spans. ChoreoGraph
 # warps every clip by tempo-density instead (section 3.2, `segments`).
 
 
@@ -147,7 +147,7 @@ class CountMaps:
 
 @dataclass(frozen=True, eq=False)
 class CountedClips:
-    """The clips of a repertoire, and what is needed to align them with a song's beats."""
+    """The clips of a repertoire, with the data that aligns them with the beats of a song."""
 
     take: NDArray[np.integer]  # (N,)
     start_s: Floats  # (N,) in their takes

@@ -1,1 +1,1 @@
-"""The mixer engine: motion words of takes that dance a sequence of motifs (Rhythm is a Dancer)."""
+"""The mixer engine, which dances a sequence of motifs with motion words of takes (Rhythm is a Dancer)."""

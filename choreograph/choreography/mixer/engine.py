@@ -1,4 +1,4 @@
-"""The mixer engine: a sequence of motifs, and the words that dance it (Rhythm is a Dancer)."""
+"""The mixer engine: a sequence of motifs, and the choice of its motion words (Rhythm is a Dancer)."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class MixerEngine:
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """As `Engine.check`: it needs motifs, and a planner among `SEARCHES`."""
+        """As `Engine.check`. It needs motifs, and a planner among `SEARCHES`."""
         if config.planner not in SEARCHES:
             raise ParameterError(
                 f"expected a planner among {', '.join(SEARCHES)} for the mixer, got {config.planner!r}"
@@ -80,13 +80,13 @@ class MixedDance:
     plan: Plan
     motion: Motion
     words: Indices  # (N,) of the vocabulary
-    wanted: Indices  # (N,) motif of each word
+    wanted: Indices  # (N,) planned motif of each word
     danced: Indices  # (N,) motif that the rendered motion shows there, or -1 for a word too short to have one
     broken: tuple[int, ...]  # slots where a pinned motif is not danced, or a banned one is
 
     @property
     def wrong(self) -> Indices:
-        """Slots whose motif is not the one wanted."""
+        """Slots whose motif is not the planned one."""
         return np.flatnonzero((self.danced != self.wanted) & (self.danced >= 0))
 
     @property
@@ -113,8 +113,9 @@ def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
 def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
-    Three things are ours. A word that no longer shows its motif after blending is replaced, and the dance is
-    rendered again. All words are chosen together. Words begin at the music's position in the bar.
+    It differs from the paper in three ways. A word that no longer shows its motif after blending is replaced,
+    and the dance is rendered again. All words are chosen together. Words begin at the position of the music
+    in the bar.
 
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
@@ -187,7 +188,7 @@ def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: Candi
 
 
 def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indices:
-    """The motif of every word (N,): as requested, the take's own where one is pinned, the rest drawn."""
+    """The motif of every word (N,), as requested, or that of a pinned take, or drawn."""
     constraints = pool.constraints
     motifs = dict(constraints.motifs)
     for slots in consecutive_slots(constraints.takes):

@@ -1,4 +1,4 @@
-"""The words that may be danced in each slot, what each costs, and the search for the best sequence."""
+"""The words that may be danced in each slot, their costs, and the search for the best sequence."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from choreograph.motion.body import clips_to_root_frame
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.plan import PlannedWord
 
-# The words of a repertoire as the mixer compares them: poses at their borders, and their motif margin.
+# The features of words that the mixer compares: poses at their borders, and their motif margin.
 
 
 AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses by which transitions are compared
@@ -65,7 +65,7 @@ class WordBank:
         return poses[:, 0], poses[:, 1]
 
     def motif_margin_m(self, words: Indices) -> AnyFloats:
-        """How much nearer each word (M,) is to its motif than to any other, negative if another is nearer."""
+        """Motif margin of each word (M,): how much nearer its motif is than any other, or negative if not."""
         new = np.unique(words[np.isnan(self._margin_m[words])])
         if len(new):
             self._margin_m[new] = self._measured_margin_m(new)
@@ -114,14 +114,14 @@ def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
     return bounds_s
 
 
-# The words that may be danced in each slot of one dance, and what each costs on its own.
+# The words that may be danced in each slot of one dance, and their costs.
 
 
 # Costs of a word on its own, in metres of joint distance.
-_SAFE_MARGIN_M = 0.04  # a word should be nearer to its motif than to any other by this: transitions move it
+_SAFE_MARGIN_M = 0.04  # least motif margin without a cost, since transitions change a word
 _SPEED_COST_M = 0.1  # of twice or half its speed
-_OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music's
-_TIE_BREAK_M = 0.02  # left to the seed
+_OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music
+_TIE_BREAK_M = 0.02  # largest random cost, by the seed
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ class Candidates:
 
     @property
     def any_left(self) -> bool:
-        """Whether a word is not forbidden."""
+        """Whether there is a word that is not forbidden."""
         return bool(np.isfinite(self.cost_m).any())
 
     def without(self, *words: int) -> Candidates:
@@ -245,7 +245,7 @@ def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
 
 
 SEARCHES = ("exact", "greedy")
-_REPEAT_COST_M = 0.15  # of the very same word again, in metres of joint distance
+_REPEAT_COST_M = 0.15  # of an immediate repeat of a word, in metres of joint distance
 
 
 def search_words(candidates: Sequence[Candidates], *, search: str = "exact") -> Indices:

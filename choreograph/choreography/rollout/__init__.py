@@ -1,1 +1,1 @@
-"""The rollout engine: a recurrent network that dances a sequence of motifs (Rhythm is a Dancer)."""
+"""The rollout engine, in which a recurrent network dances a sequence of motifs (Rhythm is a Dancer)."""

@@ -1,4 +1,4 @@
-"""The rollout engine: a sequence of motifs, drawn or given, danced by the repertoire's recurrent network."""
+"""The rollout engine: the recurrent network of a repertoire dances a sequence of motifs, drawn or given."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import hold_ends, render_over
 from choreograph.settings import DanceConfig
 
-_ATTEMPTS = 4  # at a dance that shows what is requested
+_ATTEMPTS = 4  # to make a dance that shows the requested motifs
 
 
 class RolloutEngine:
@@ -62,7 +62,7 @@ class RolloutEngine:
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """As `Engine.check`: it needs motifs and a rollout network, and dances no take."""
+        """As `Engine.check`. It needs motifs and a rollout network, and dances no take."""
         repertoire.rollout_net()
         _ = repertoire.vocabulary
 
@@ -76,14 +76,14 @@ class RolloutEngine:
 
 @dataclass(frozen=True, eq=False)
 class _Rollout:
-    """One try at a dance."""
+    """One attempt at a dance."""
 
     motifs: Indices  # (N,) drawn or given
     asked: NDArray[np.float32]  # (N, D) embeddings that the network was conditioned on
     motion: Motion
     shown: NDArray[np.float32]  # (N, D) embeddings of the motion, or those asked for if nothing was requested
     danced: Indices  # (N,) motifs of these
-    wrong: tuple[int, ...]  # slots that do not show what was requested
+    wrong: tuple[int, ...]  # slots that do not show the requested motif
 
 
 def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
@@ -114,7 +114,7 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
 def _rolled_out(
     request: DanceRequest, goal: MotifGoal, plan: Plan, constraints: ResolvedConstraints
 ) -> _Rollout:
-    """The first try that shows all motifs requested and none banned, or that with the fewest wrong ones."""
+    """The first attempt with all requested motifs and no banned one, or that with the fewest wrong ones."""
     best: _Rollout | None = None
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
@@ -139,7 +139,7 @@ def _asked(
     constraints: ResolvedConstraints,
     repertoire: Repertoire,
 ) -> NDArray[np.float32]:
-    """Embeddings (N, D) to condition on: medoids, and for requests the medoid plus what the best try missed.
+    """Embeddings (N, D) for the network: medoids, and for requests also the error of the best attempt.
 
     Later attempts add a smaller share of it.
     """
@@ -160,7 +160,7 @@ def _checked_dance(
     constraints: ResolvedConstraints,
     repertoire: Repertoire,
 ) -> _Rollout:
-    """The try with the motifs of its motion. The motion is segmented only if motifs were requested."""
+    """The attempt with the motifs of its motion. It is segmented only if motifs were requested."""
     if not constraints.constrains_motifs:
         return _Rollout(motifs, asked, motion, asked, motifs, ())
     shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
@@ -172,7 +172,7 @@ def _checked_dance(
 def _laid_over(
     dance: _Rollout, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
 ) -> tuple[_Rollout, Plan]:
-    """The try and its plan, with words of takes where it violates pins and bans if such words exist."""
+    """The attempt and its plan, with words of takes where it violates pins and bans if such words exist."""
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
 
     def with_words(words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:

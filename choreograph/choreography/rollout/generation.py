@@ -1,4 +1,4 @@
-"""Generation with the rollout network: a sequence of motifs to a motion (Rhythm is a Dancer, section 4)."""
+"""Generation of motion from a sequence of motifs by the rollout network (Rhythm is a Dancer, section 4)."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ SEED_FRAMES = 15  # recorded poses before the first generated one, as in the pap
 # Gaussian deviations. The network jumps at a new motif. Smoothing reduces its jerk to that of people.
 _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
-SHIFT_S = 0.1  # of locked feet: generated motion is so smooth that quick shifts add no motion beats to it
+SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts add no motion beats
 STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
 
 
 @dataclass(frozen=True, eq=False)
 class MotifSequence:
-    """The motifs to dance, word after word without gaps, and the music's features to dance them by."""
+    """The motifs to dance, word after word without gaps, and the features of the music."""
 
     start_s: Floats  # (N,) of the words
     end_s: Floats  # (N,)
     motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
-    rhythm: NDArray[np.floating]  # (T', 4) of the song, `music.frame_rhythm`
-    count_phase: NDArray[np.floating]  # (T', 4) of the song, `core.counts`
+    rhythm: NDArray[np.floating]  # (T', 4) of the song, of `music.frame_rhythm`
+    count_phase: NDArray[np.floating]  # (T', 4) of the song, of `core.counts`
     spectral: NDArray[np.floating] | None  # (N, 87) of each word's music, or None without style
 
 
@@ -74,10 +74,10 @@ def generate_motion(
     seed_motion : two frames or more of recorded motion at 30 fps that leads up to the first word. The last 15
         frames initialise the network's state and are not part of the dance.
     fps : of the dance
-    held : poses of another dance to the song, to go on from
+    held : poses of another dance to the song, which is continued
 
-    Poses from the network are smoothed a little and the heading more. The path is steered back where it
-    leaves the stage (ours). Feet are locked where the network predicts contact and they nearly stand
+    Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the path is
+    steered back if it leaves the stage. Feet are locked if the network predicts contact and they nearly stand
     (`motion.foot_locking`).
 
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.

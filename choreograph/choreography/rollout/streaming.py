@@ -1,4 +1,4 @@
-"""The rollout network's dance pose by pose: motifs drawn, a path on the stage, feet locked as it goes."""
+"""The dance of the rollout network pose by pose: drawn motifs, a path on the stage, and locked feet."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from choreograph.render.runs import steer_rad
 # Motifs drawn word by word while a song plays (Rhythm is a Dancer, section 4.3).
 
 
-_LAST_WORDS = 8  # whose median duration words after the last count have
+_LAST_WORDS = 8  # whose median is the duration of words after the last count
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,12 @@ class StreamedWord:
 
 
 class MotifStream:
-    """Words from the start of a song on, without end. Before and after its counts they are evenly spaced.
+    """An endless sequence of words from the start of a song on.
 
-    A motif has a word on the count where its word begins. `need` is how equation 5 is read, as of
+    Before and after the counts of the song, words are evenly spaced. A motif is drawn only if it has a word
+    on the count where the next word begins. `need` is the reading of equation 5, as in
     `choreography.motif_sequences.draw_motifs`. Setting `genre` begins its signature anew. Raises
-    `ParameterError` for an unknown genre, `RepertoireError` without motifs.
+    `ParameterError` for an unknown genre, and `RepertoireError` without motifs.
     """
 
     def __init__(
@@ -84,7 +85,7 @@ class MotifStream:
         self._danced = np.zeros(self._vocabulary.n_motifs)
 
     def request(self, motif: int, n_words: int) -> None:
-        """Dance a motif in the next words to begin, in place of what was requested for them."""
+        """Dance a motif in the next words, instead of those that were requested for them."""
         self._requested = [as_index("a motif", motif, self._vocabulary.n_motifs)] * n_words
 
     def begin_word(self) -> StreamedWord:
@@ -115,14 +116,15 @@ class MotifStream:
         return float(self._bounds_s[min(index, len(self._bounds_s) - 1)]) + max(0, beyond) * self._last_word_s
 
 
-# The path of a dance on the stage, and its poses at any rate, while the network still predicts it.
+# The path of a dance on the stage, and its poses at any rate, while the network predicts it.
 #
-# This is what `generation` does to a whole dance, but frame by frame with two frames of future (67 ms):
+# These are the steps of `generation` for a whole dance, but frame by frame with two frames of future (67 ms):
 #
-# - heading: smoothed by the same Gaussian, cut off one frame ahead, so that it lags by about 35 ms
-# - stage: steered back word by word as there, but by the direction of the last two seconds, not of the next
-# - poses: a cubic B-spline whose control points are the network's poses. It smooths as the Gaussian there
-#   does (a deviation of 0.577 frames, 19 ms) and is as smooth at any rate as the spline that follows it there
+# - The heading is smoothed by the same Gaussian, cut off one frame ahead, so that it lags by about 35 ms.
+# - The path is steered back to the stage word by word, by the direction of the last two seconds instead of
+#   the next two.
+# - Poses follow a cubic B-spline whose control points are the poses of the network. It smooths like the
+#   Gaussian there (a deviation of 0.577 frames, 19 ms), and like the spline there at any rate.
 
 
 FUTURE_FRAMES = 3  # that poses wait for: two control points, and one frame more for the heading of the last
@@ -214,7 +216,7 @@ def _spline_weights(since: Floats) -> Floats:
     ) / 6.0  # fmt: skip
 
 
-# The rollout network's dance, pose by pose.
+# The dance of the rollout network, pose by pose.
 
 
 POSES_AHEAD = FUTURE_FRAMES + 1  # of a final frame: its feet are locked one pose later than it is sampled
@@ -222,7 +224,7 @@ POSES_AHEAD = FUTURE_FRAMES + 1  # of a final frame: its feet are locked one pos
 
 @dataclass(frozen=True, eq=False)
 class FrameCondition:
-    """What one frame at 30 fps is conditioned on: a row of `RolloutConditions`, without rhythm and style."""
+    """The conditions of one frame at 30 fps, a row of `RolloutConditions` without rhythm and style."""
 
     motif: NDArray[np.floating]  # (184,)
     progress: float
@@ -265,7 +267,7 @@ class PoseStream:
 
 
 class DanceStream:
-    """The dance of a network at `fps`, on its stage and with locked feet, as pose after pose is predicted."""
+    """The dance of a network at `fps`, on its stage and with locked feet, while poses are predicted."""
 
     def __init__(self, net: RolloutNet, seed_motion: Motion, fps: float) -> None:
         self._poses = PoseStream(net, seed_motion)
