@@ -13,8 +13,10 @@ from PIL import Image
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.timebase import STORE_FPS, frame_times_s
+from choreograph.evaluation.metrics.front import usual_front_rad
 from choreograph.evaluation.plan_scores import time_maps
 from choreograph.evaluation.results import (
+    EXPERT,
     METRICS,
     REAL,
     Evaluation,
@@ -193,8 +195,15 @@ def strips(example: ExampleSong) -> Mapping[str, bytes]:
         beats_s = example.music_beats_s[example.music_beats_s <= dance.motion.duration_s]
         if len(beats_s) < _STRIP_POSES:
             beats_s = np.linspace(0.0, dance.motion.duration_s * 0.95, _STRIP_POSES)
+        front_rad = 0.0
+        if dance.variant in (EXPERT, REAL):  # recorded dances, whose front is not known
+            front_rad = usual_front_rad(body_pos_m(dance.motion), dance.motion.fps)
         sheet = draw_strip(
-            dance.motion, beats_s[:_STRIP_POSES].tolist(), columns=_STRIP_POSES // 2, tile=_STRIP_TILE
+            dance.motion,
+            beats_s[:_STRIP_POSES].tolist(),
+            columns=_STRIP_POSES // 2,
+            tile=_STRIP_TILE,
+            front_rad=front_rad,
         )
         pictures[dance.variant] = _png(sheet)
     return pictures

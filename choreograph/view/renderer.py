@@ -17,7 +17,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path
 from choreograph.core.numerics import Floats
 from choreograph.formats.writer import DANCE_GENERATOR
-from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
+from choreograph.motion.body import body_pos_m, ground_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.motion.motion import Motion
@@ -252,7 +252,7 @@ def _unit(vector: NDArray[np.floating]) -> F32:
 
 
 _FOV_RAD = float(np.radians(28.0))
-_SIDE_RAD = float(np.radians(28.0))  # of the camera, from straight ahead of the dancer
+_SIDE_RAD = float(np.radians(10.0))  # a body that is seen straight from the front looks flat
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
 _HIGH_OF_HEIGHT = 1.36  # height of the view: the body with raised arms and a margin
 _WIDE_OF_HEIGHT = 1.05  # width of the view: the body with arms to the sides and a margin
@@ -276,13 +276,19 @@ class Shots:
 
 
 def follow_camera(
-    motion: Motion, times_s: Sequence[float] | Floats, *, aspect: float, smoothing_s: float = 0.0
+    motion: Motion,
+    times_s: Sequence[float] | Floats,
+    *,
+    aspect: float,
+    smoothing_s: float = 0.0,
+    front_rad: float = 0.0,
 ) -> Shots:
     """The poses at `times_s` (T,) and cameras for pictures `aspect` times as wide as high.
 
-    All cameras have the same direction, 28° to the side of the mean heading of the dancer between the first
-    and the last time, so that turns are visible. They follow the position of the dancer on the ground,
-    smoothed over about `smoothing_s`. Raises `ParameterError` if a time is outside of the motion.
+    The cameras stand with the audience, 10° to the side, so that a dancer with the back to the audience is
+    seen from behind. `front_rad` is the direction of the audience, 0 for +Z. The cameras follow the position
+    of the dancer on the ground, smoothed over about `smoothing_s`. Raises `ParameterError` if a time is
+    outside of the motion.
     """
     times = np.asarray(times_s, dtype=np.float64)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
@@ -293,10 +299,7 @@ def follow_camera(
             f"got {times.min():.2f} to {times.max():.2f} s"
         )
     mesh = build_mannequin(motion.skeleton, motion)
-    ground, headings = _whereabouts(motion)
-    frames = times * motion.fps
-    shown_headings = headings[int(frames.min()) : int(frames.max()) + 2]
-    heading = np.arctan2(np.sin(shown_headings).mean(), np.cos(shown_headings).mean())
+    ground, frames = _ground_pos_m(motion), times * motion.fps
     if smoothing_s > 0:
         ground = gaussian_filter1d(ground, smoothing_s * motion.fps, axis=0, mode="nearest")
     shown = motion.sampled(frames)
@@ -306,18 +309,17 @@ def follow_camera(
     targets = np.stack([np.interp(frames, grid, ground[:, axis]) for axis in range(3)], axis=1)  # (T, 3)
     targets[:, 1] = _MIDDLE_OF_HEIGHT * height
     distance = max(_HIGH_OF_HEIGHT, _WIDE_OF_HEIGHT / aspect) * height / (2 * np.tan(_FOV_RAD / 2))
-    level = np.array([np.sin(heading + _SIDE_RAD), 0.0, np.cos(heading + _SIDE_RAD)])
+    level = np.array([np.sin(front_rad + _SIDE_RAD), 0.0, np.cos(front_rad + _SIDE_RAD)])
     rise = np.array([0.0, (_EYE_OF_HEIGHT - _MIDDLE_OF_HEIGHT) * height, 0.0])
     return Shots(mesh, pos_m, quat, targets, distance * level + rise)
 
 
-def _whereabouts(motion: Motion) -> tuple[Floats, Floats]:
-    """Ground position (T, 3) and heading (T,). For an unknown rig, the position of the root and 0."""
+def _ground_pos_m(motion: Motion) -> Floats:
+    """Position on the ground (T, 3), that of the root for an unknown rig."""
     try:
-        body = body_pos_m(motion)
+        return ground_pos_m(body_pos_m(motion))
     except ParameterError:
-        return motion.root_pos_m * [1.0, 0.0, 1.0], np.zeros(motion.n_frames)
-    return ground_pos_m(body), heading_rad(body)
+        return motion.root_pos_m * [1.0, 0.0, 1.0]
 
 
 # Pose strips.
@@ -338,17 +340,18 @@ def write_strip(
     labels: Sequence[str] | None = None,
     columns: int | None = None,
     tile: tuple[int, int] = (240, 320),
+    front_rad: float = 0.0,
 ) -> None:
     """Write the poses at `times_s` as one PNG with `columns` in a row (8, or fewer if there are fewer poses).
 
-    The camera is 28° to the side of the mean heading of the dancer. `labels`, one for each pose, are the
-    times by default. `tile` is the size of one pose in pixels.
+    The camera stands with the audience, in the direction `front_rad`, 0 for +Z. `labels`, one for each pose,
+    are the times by default. `tile` is the size of one pose in pixels.
 
     Raises `ParameterError` if there is no time, a time is outside of the motion, labels do not match, the
     sheet would be empty or larger than 200 megapixels, or the folder is missing. Raises `ChoreographError` if
     the file cannot be written.
     """
-    sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile)
+    sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile, front_rad=front_rad)
     about = PngInfo()
     about.add_text("Software", DANCE_GENERATOR)
     with atomic_path(path) as temporary:
@@ -362,6 +365,7 @@ def draw_strip(
     labels: Sequence[str] | None = None,
     columns: int | None = None,
     tile: tuple[int, int] = (240, 320),
+    front_rad: float = 0.0,
 ) -> Pixels:
     """The contact sheet of `write_strip`, (H, W, 3)."""
     if labels is None:
@@ -378,7 +382,7 @@ def draw_strip(
     step_y, step_x = height + bar + _GAP_PX, width + _GAP_PX
     if rows * step_y * columns * step_x > _MAX_PIXELS:
         raise ParameterError(f"a sheet of {n_poses} poses of {width} x {height} pixels is too large")
-    shots = follow_camera(motion, times_s, aspect=width / height)
+    shots = follow_camera(motion, times_s, aspect=width / height, front_rad=front_rad)
     sheet = np.full((rows * step_y - _GAP_PX, columns * step_x - _GAP_PX, 3), 255, np.uint8)
     for index, label in enumerate(labels):
         y, x = index // columns * step_y, index % columns * step_x

@@ -96,12 +96,14 @@ def test_impossible_cameras(target, fov, message):
         Camera(np.array([0.0, 1.0, 5.0]), np.array(target, float), fov)
 
 
-def test_camera_follows_and_sees_the_front_from_the_side():
-    motion = swaying(90, fps=30.0).moved(yaw_rad=1.0, shift_m=np.array([3.0, 0.0, -2.0]))
-    shots = follow_camera(motion, [0.0, 1.0, 2.0], aspect=1.0)
+@pytest.mark.parametrize("front_rad", [0.0, 2.5])
+@pytest.mark.parametrize("yaw_rad", [0.0, np.pi])
+def test_camera_follows_and_stands_with_the_audience(front_rad, yaw_rad):
+    motion = swaying(90, fps=30.0).moved(yaw_rad=yaw_rad, shift_m=np.array([3.0, 0.0, -2.0]))
+    shots = follow_camera(motion, [0.0, 1.0, 2.0], aspect=1.0, front_rad=front_rad)
     assert np.allclose(shots.targets_m[:, [0, 2]], motion.root_pos_m[[0, 30, 60]][:, [0, 2]], atol=0.1)
     bearing = np.arctan2(shots.towards_eye_m[0], shots.towards_eye_m[2])
-    assert 0.2 < bearing - 1.0 < 0.8
+    assert 0.1 < bearing - front_rad < 0.3  # wherever the dancer faces
     narrow = follow_camera(motion, [0.0], aspect=0.3)
     assert np.linalg.norm(narrow.towards_eye_m) > 1.5 * np.linalg.norm(shots.towards_eye_m)
 

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from browsers import NO_COMPOSITING, picture, state, until, wait_until_still
 from PIL import Image
-from synthetic_pages import DANCE, FPS
+from synthetic_pages import DANCE, FPS, plan_for
+
+from choreograph.view.page import write_page
 
 pytestmark = pytest.mark.alone
 
@@ -34,6 +36,21 @@ def test_dancer_is_drawn_and_moves(opened):
     page.keyboard.press("Space")
     moved = np.abs(picture(page) - before).sum(axis=2) > 60
     assert moved.mean() > 0.01
+
+
+def test_the_first_view_is_the_audiences(opened, tmp_path):
+    for name, yaw_rad in (("front", 0.0), ("back", np.pi)):
+        motion = DANCE.moved(yaw_rad=yaw_rad)
+        write_page(
+            tmp_path / f"{name}.html", motion, plan_for(motion), song_path=None, motion_beats_s=np.zeros(0)
+        )
+    sides = []
+    for name in ("front", "back"):
+        shown = picture(opened(f"{name}.html", folder=tmp_path)).astype(int)
+        warmth, columns = shown[..., 0] - shown[..., 2], np.arange(shown.shape[1])
+        warm, cool = ((side > 40).sum(axis=0) for side in (warmth, -warmth))
+        sides.append((warm @ columns) / warm.sum() - (cool @ columns) / cool.sum())
+    assert sides[0] > 0 > sides[1]  # the left arm is warm: to the right of one who faces us
 
 
 @pytest.mark.parametrize("size", [(900, 640), (1400, 900), (500, 900)])

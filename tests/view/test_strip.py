@@ -31,6 +31,23 @@ def test_same_time_gives_the_same_tile():
     assert np.array_equal(tiles[0], tiles[1]) and not np.array_equal(tiles[0], tiles[2])
 
 
+def test_a_turned_back_is_seen_as_a_back():
+    turned = MOTION.moved(yaw_rad=np.pi)
+    face, back, other_side = (
+        draw_strip(motion, [0.5], tile=(120, 160), labels=[""], front_rad=front_rad)[:160].astype(int)
+        for motion, front_rad in ((MOTION, 0.0), (turned, 0.0), (turned, np.pi))
+    )
+    # The left arm and leg are warm, the right ones cool. Facing the camera, left is to the right.
+    assert warm_to_the_right(face) and not warm_to_the_right(back)
+    assert np.abs(face - other_side).mean() < 5 < np.abs(face - back).mean()
+
+
+def warm_to_the_right(tile: np.ndarray) -> bool:
+    warmth, columns = tile[..., 0] - tile[..., 2], np.arange(tile.shape[1])
+    warm, cool = ((side > 40).sum(axis=0) for side in (warmth, -warmth))
+    return bool((warm @ columns) / warm.sum() > (cool @ columns) / cool.sum())
+
+
 def test_labels_are_written():
     named, other = (draw_strip(MOTION, [0.0], labels=[text], tile=(200, 60)) for text in ("beat 1", "beat 8"))
     assert np.array_equal(named[:60], other[:60])  # the pose

@@ -4,7 +4,7 @@ import { clamp, lookAt, multiplyMatrices, perspective } from "./math.js";
 
 export const FOV_Y = 0.5;
 const FIRST_PITCH = 0.14;
-const FIRST_TURN = 0.35; // a little from the side: a body seen straight from the front looks flat
+const FIRST_TURN = 0.17; // from +Z, where the audience is: a body seen straight from the front looks flat
 const BLEND_S = 0.45;
 const FLOOR_RADIUS_M = 7;
 
@@ -13,7 +13,6 @@ export class Camera {
     this.dancer = dancer;
     this.height = dancer.height();
     this.stage = dancer.path.stage();
-    this.front = dancer.heading();
     this.following = true;
     this.blend = 1; // 1: on the dancer, 0: on the stage
     this.mirrored = false;
@@ -21,7 +20,7 @@ export class Camera {
   }
 
   reset() {
-    this.yaw = this.front + FIRST_TURN;
+    this.yaw = FIRST_TURN;
     this.pitch = FIRST_PITCH;
     this.closeness = 1;
   }

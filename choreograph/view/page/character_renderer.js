@@ -7,7 +7,7 @@ import { FLOOR_FRAGMENT, GROUND_VERTEX } from "./shaders.js";
 import { stageColours } from "./stage_colours.js";
 
 const KEY_HEIGHT = 1.35; // of a light one metre to the side
-const KEY_SIDE_RAD = -0.7; // from where the character looks first
+const KEY_SIDE_RAD = -0.7; // from the audience
 const ROOM_BLUR_RAD = 0.04;
 const ROOM_STRENGTH = 0.5;
 const KEY_STRENGTH = 2.2;
@@ -46,12 +46,11 @@ export class CharacterRenderer {
     this.readColours();
   }
 
-  // Sets the character to draw, and a key light from the side of its first heading.
+  // Sets the character to draw, and a key light from the side of the audience.
   show(figure) {
     this.figure = figure;
     if (figure.scene) this.scene.add(figure.scene);
-    const angle = figure.heading() + KEY_SIDE_RAD;
-    this.light = normalized([Math.sin(angle), KEY_HEIGHT, Math.cos(angle)]);
+    this.light = normalized([Math.sin(KEY_SIDE_RAD), KEY_HEIGHT, Math.cos(KEY_SIDE_RAD)]);
     const reach = REACH * figure.height();
     this.shade.scale.setScalar(2 * reach);
     const { shadow } = this.key;

@@ -8,7 +8,7 @@ export class Figure {
   constructor({ scene, animations: [clip] }, joints, dance) {
     this.scene = scene;
     this.joints = joints;
-    this.hips = ["pelvis", "left_hip", "right_hip"].map((name) => dance.names.indexOf(name));
+    this.pelvis = dance.names.indexOf("pelvis");
     this.positions = new Float64Array(3 * joints.length); // world, metres
     scene.traverse((object) => {
       object.castShadow = object.receiveShadow = object.isMesh === true;
@@ -31,12 +31,6 @@ export class Figure {
     this.joints.forEach((joint, j) => this.positions.set(joint.matrixWorld.elements.slice(12, 15), 3 * j));
   }
 
-  // Current heading about Y, 0 for +Z: across the hips.
-  heading() {
-    const [, left, right] = this.hips.map((j) => this.positions.subarray(3 * j, 3 * j + 3));
-    return Math.atan2(right[2] - left[2], left[0] - right[0]);
-  }
-
   // Height of the standing body, metres.
   height() { return this.standing; }
 
@@ -44,7 +38,7 @@ export class Figure {
     const count = Math.ceil(this.durationS * PATH_FPS) + 1, roots = new Float32Array(3 * count);
     for (let i = 0; i < count; i++) {
       this.pose(i / PATH_FPS);
-      roots.set(this.positions.subarray(3 * this.hips[0], 3 * this.hips[0] + 3), 3 * i);
+      roots.set(this.positions.subarray(3 * this.pelvis, 3 * this.pelvis + 3), 3 * i);
     }
     return new GroundPath(roots, count, PATH_FPS);
   }
@@ -55,7 +49,6 @@ export const NOBODY = {
   positions: new Float64Array(3),
   path: new GroundPath(new Float32Array(3), 1, PATH_FPS),
   pose() {},
-  heading: () => 0,
   height: () => 1.7,
 };
 

@@ -13,6 +13,7 @@ const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
 const SHADOW_MARGIN_M = 0.45; // how much wider a shadow is than that of the joints: flesh, and the blur radius
 const RIM_POINTS = 48;
+const KEY_SIDE_RAD = -0.7; // from the audience
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 
@@ -33,10 +34,10 @@ export class Renderer {
     this.#build();
   }
 
-  // Sets the dancer to draw, and a key light from the side of the first heading.
+  // Sets the dancer to draw, and a key light from the side of the audience.
   show(dancer) {
     this.dancer = dancer;
-    const [x, , z] = normalized([Math.sin(dancer.heading() - 0.7), 0, Math.cos(dancer.heading() - 0.7)]);
+    const [x, z] = [Math.sin(KEY_SIDE_RAD), Math.cos(KEY_SIDE_RAD)];
     this.light = normalized([x, LIGHT_HEIGHT, z]);
     this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light: short shadows
   }

@@ -62,11 +62,6 @@ export class Dancer {
     }
   }
 
-  // Current heading about Y, 0 for +Z: the bind pose faces +Z.
-  heading() {
-    return Math.atan2(this.skin[2], this.skin[10]);
-  }
-
   // Height of the standing body, metres.
   height() {
     let low = Infinity, high = -Infinity;
