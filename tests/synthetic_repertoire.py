@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import soundfile
@@ -15,6 +16,7 @@ from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ
 from choreograph.library.motifs import Vocabulary, find_motifs, make_vocabulary, motif_arrays
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays
+from choreograph.library.store import RepertoireFile
 from choreograph.library.words import segment_words
 from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.body import body_pos_m
@@ -109,6 +111,29 @@ def synthetic_repertoire(
     takes = synthetic_takes() if takes is None else takes
     contents = synthetic_contents(takes)
     write_repertoire(path, with_vocabulary(contents, takes) if vocabulary else contents)
+    return Repertoire.open(path)
+
+
+def without_counts(
+    repertoire: Repertoire, path: Path, names: Collection[str], *, provenance: Mapping[str, Any] | None = None
+) -> Repertoire:
+    """A copy of a repertoire in which the takes of these names have neither counts nor figures."""
+    file = RepertoireFile(repertoire.path)
+    arrays = {name: file.read(name) for name in file.shapes}
+    hidden = np.isin(arrays["takes/name"], list(names))
+    start, stop = arrays["takes/count_start"], arrays["takes/count_stop"]
+    kept = np.ones(len(arrays["counts/time_s"]), bool)
+    for i, j in zip(start[hidden], stop[hidden], strict=True):
+        kept[i:j] = False
+    before = np.append(0, np.cumsum(kept))
+    arrays |= {name: arrays[name][kept] for name in arrays if name.startswith("counts/")}
+    arrays |= {"takes/count_start": before[start], "takes/count_stop": before[stop]}
+    arrays["takes/metre"] = np.where(hidden, 0, arrays["takes/metre"])
+    named = ~hidden[arrays["figures/take"]]
+    arrays |= {name: arrays[name][named] for name in arrays if name.startswith("figures/")}
+    nets = {name: file.read_net(name) for name in file.net_names}
+    given = file.provenance if provenance is None else provenance
+    write_repertoire(path, Contents(arrays, file.density, dict(given), nets))
     return Repertoire.open(path)
 
 

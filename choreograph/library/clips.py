@@ -139,6 +139,11 @@ def clip_steps(
 # Poses, speeds, densities, liveliness and uncertainty of counts of clips, by frame.
 
 
+# At which the expected share of wrong counts is that of the take. Counts that were estimated without the song
+# are wrong in 0.00 below 0.1, 0.05 from 0.1 to 0.2, 0.11 from 0.2 to 0.3, at a confidence of 0.87.
+_MEAN_UNCERTAINTY = 0.25
+
+
 class ClipMotion:
     """Frames of clips at 20 fps, read on demand from the flat arrays (B, …) of all takes' frames.
 
@@ -202,7 +207,11 @@ class ClipMotion:
     def count_uncertainty(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Uncertainty (N,), 0 … 1, of the counts (see `Counts`) halfway between two frames of each clip."""
+        """Expected share (N,) of wrong counts half way between two frames of each clip.
+
+        It is 0 for counts that were not estimated from the motion. The share that is expected in the take
+        follows from the confidence of its counts, and is distributed by their uncertainty.
+        """
         middle = np.round(0.5 * (start + stop)).astype(np.int64)
         result: NDArray[np.float32] = self._uncertainty[self._clip_rows[clip] + middle]
         return result
@@ -241,12 +250,13 @@ class ClipMotion:
 
     @cached_property
     def _uncertainty(self) -> NDArray[np.float32]:
-        """Uncertainty of the counts, (B,), or 0 where a take has none."""
+        """Expected share of wrong counts at each frame, (B,), or 0 where counts are certain."""
         uncertainty = np.zeros(len(self._body_pos_m), np.float32)
         for (start, stop), counts in zip(self._take_rows, self._counts, strict=True):
             if len(counts.uncertainty):
                 times_s = frame_times_s(stop - start, NET_FPS)
-                uncertainty[start:stop] = np.interp(times_s, counts.times_s, counts.uncertainty)
+                relative = np.interp(times_s, counts.times_s, counts.uncertainty) / _MEAN_UNCERTAINTY
+                uncertainty[start:stop] = np.minimum((1.0 - counts.confidence) * relative, 1.0)
         return uncertainty
 
     @cached_property

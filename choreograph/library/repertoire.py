@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index, as_number, check_kind, check_text
-from choreograph.core.counts import Counts, Figure
+from choreograph.core.counts import NO_COUNTS, Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
 from choreograph.core.progress import counted, cut_line
@@ -30,6 +30,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, roles_of
 
 if TYPE_CHECKING:
+    from choreograph.library.building.counting import MotionCounter
     from choreograph.nets.rollout import RolloutNet
     from choreograph.nets.words import WordNet
 
@@ -305,10 +306,41 @@ class Repertoire:
     def _counts(self) -> tuple[Counts, ...]:
         """Each take's counts."""
         with self._damage_named():
-            return counts_from(self._file, self.takes)
+            counts = counts_from(self._file, self.takes)
+        return tuple(known if len(known) else self._estimated_counts(i) for i, known in enumerate(counts))
+
+    def _estimated_counts(self, take: int) -> Counts:
+        """The counts of a take that a network estimates from its motion, or none if they are likely wrong.
+
+        The network is of the set that the file was built with. Counts that the build refused are not
+        estimated again.
+        """
+        from choreograph.library.building.counting import are_likely_right
+
+        info = self.takes[take]
+        if self._count_motion is None or info.name in self._refused_counts:
+            return NO_COUNTS
+        counts = self._count_motion(self._file.read("body/pos_m", slice(*info.body)))
+        return counts if are_likely_right(counts) else NO_COUNTS
+
+    @cached_property
+    def _count_motion(self) -> MotionCounter | None:
+        from choreograph.library.building.counting import load_motion_counter
+        from choreograph.library.builtin import CHOICES, pretrained_set
+
+        networks = self.provenance.get("pretrained")
+        return load_motion_counter(pretrained_set(networks)) if networks in CHOICES else None
+
+    @cached_property
+    def _refused_counts(self) -> frozenset[str]:
+        """Names of the takes whose estimated counts the build did not use."""
+        return frozenset(note.subject for note in self.notes if note.kind == "refused counts")
 
     def counts(self, take: int) -> Counts:
-        """A take's counts, in seconds from its first frame, or `NO_COUNTS` if they are not known."""
+        """A take's counts, in seconds from its first frame, or `NO_COUNTS` if they are not known.
+
+        Where the file has none, they are estimated from the motion, if they are more likely right than wrong.
+        """
         return self._counts[self._take(take)]
 
     @cached_property

@@ -12,6 +12,7 @@ from synthetic_repertoire import (
     synthetic_repertoire,
     synthetic_takes,
     with_counts,
+    without_counts,
     write_clicks,
 )
 
@@ -20,6 +21,7 @@ from choreograph.choreography.enforcement import danced_motifs
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import STORE_FPS
 from choreograph.evaluation.danced_counts import counted_share, danced_counts
+from choreograph.evaluation.metrics.counts import signed_errors_beats
 from choreograph.evaluation.metrics.endings import closing_speed_m_s, opening_speed_m_s
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
@@ -122,7 +124,7 @@ def test_a_dance_keeps_to_the_counts_that_are_not_in_doubt(clicks, tmp_path):
         counts = [m.take.counts for m in takes]
         uncertainties = [np.where(c.times_s < 15.0, uncertainty, 0.0) for c in counts]
         read = [
-            replace(m, take=replace(m.take, counts=replace(c, uncertainty=d)))
+            replace(m, take=replace(m.take, counts=replace(c, confidence=0.7, uncertainty=d)))
             for m, c, d in zip(takes, counts, uncertainties, strict=True)
         ]
         repertoire = synthetic_repertoire(tmp_path / f"{uncertainty}.h5", read)
@@ -131,6 +133,23 @@ def test_a_dance_keeps_to_the_counts_that_are_not_in_doubt(clicks, tmp_path):
     certain, doubted = danced_s
     assert (certain < 14.0).mean() > 0.5
     assert (doubted < 14.0).mean() < 0.1
+
+
+def test_takes_whose_counts_are_estimated_are_danced_beside_counted_ones(tmp_path):
+    """Half of the counts of the built-in takes are hidden. They are compared with the dances."""
+    true = cg.starter_repertoire()
+    hidden = {take.name for take in true.takes[1::2]}
+    repertoire = without_counts(true, tmp_path / "half.h5", hidden)
+    beats_off, hidden_s = [], 0.0
+    for song in ("cha-cha", "house"):
+        plan = cg.dance(cg.example_songs()[song], repertoire, duration_s=24).plan
+        hidden_s += sum(seconds for take, seconds in plan.takes_s().items() if take in hidden)
+        of_hidden = np.array([second.take in hidden for second in plan.seconds])
+        counts = danced_counts(plan, true)  # the true ones
+        counts_s = counts.times_s[of_hidden[np.minimum(counts.times_s.astype(int), len(of_hidden) - 1)]]
+        beats_off.append(np.abs(signed_errors_beats(counts_s, plan.music_beats_s)))
+    assert hidden_s >= 0.3 * 48
+    assert (np.concatenate(beats_off) <= 0.15).mean() >= 0.9
 
 
 def test_takes_without_counts_are_warped_by_their_density(clicks, tmp_path):

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_motions import stepping
-from synthetic_repertoire import synthetic_takes, write_clicks
+from synthetic_repertoire import synthetic_takes, without_counts, write_clicks
 
 from choreograph.core.counts import ANNOTATED, FROM_MOTION, FROM_MUSIC, NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import (
     MAX_MOTION_UNCERTAINTY,
@@ -25,7 +26,7 @@ from choreograph.library.building.counting import (
     load_motion_counter,
     phase_lock,
 )
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import pretrained_set, starter_repertoire
 from choreograph.library.notes import summary
 from choreograph.library.songs import SongCache
 from choreograph.motion.body import body_pos_m
@@ -145,6 +146,35 @@ def test_the_song_comes_before_the_motion(tmp_path):
     with_song = replace(take, take=replace(take.take, song_path=song, song_start_s=first_s))
     counted, _ = counted_takes([with_song], SongCache(), lambda pos_m: pytest.fail("its song counts it"))
     assert counted[0].take.counts.source == FROM_MUSIC
+
+
+HIDDEN = ("house-03", "waltz-07")
+
+
+def hidden_takes(repertoire):
+    starter = starter_repertoire()
+    index = [repertoire.take_index(name) for name in HIDDEN]
+    return [(repertoire.counts(i), starter.counts(i)) for i in index]
+
+
+def test_a_repertoire_estimates_the_counts_that_its_file_does_not_have(tmp_path):
+    repertoire = without_counts(starter_repertoire(), tmp_path / "hidden.h5", HIDDEN)
+    estimated = hidden_takes(repertoire)
+    for counts, true in estimated:
+        assert counts.source == FROM_MOTION and counts.metre == true.metre
+        assert counts_within(true.times_s, counts.times_s) > 0.95 and len(counts.uncertainty) == len(counts)
+    assert repertoire.counts(0).source == ANNOTATED
+    take = repertoire.take_index(HIDDEN[0])
+    clip = np.flatnonzero(repertoire.clip_take == take)[:1]
+    uncertainty = repertoire.clip_motion.count_uncertainty(clip, np.zeros(1), np.full(1, 20.0))
+    assert 0.0 < uncertainty[0] < 0.2
+
+
+@pytest.mark.parametrize("provenance", [{"pretrained": "nothing"}, {"pretrained": 3}, {}])
+def test_a_repertoire_that_was_built_without_the_network_estimates_no_counts(tmp_path, provenance):
+    path = tmp_path / "hidden.h5"
+    repertoire = without_counts(starter_repertoire(), path, HIDDEN, provenance=provenance)
+    assert not any(len(counts) for counts, _ in hidden_takes(repertoire))
 
 
 def test_no_reader_without_a_network():

@@ -99,10 +99,19 @@ def _decide(
     if count_motion is None:
         return NO_COUNTS, CountDecision(name, "", 0.0)
     counts = count_motion(measured.body_pos_m)
-    uncertainty = float(counts.uncertainty.mean()) if len(counts.uncertainty) else 0.0
-    if counts.confidence >= MIN_MOTION_CONFIDENCE and uncertainty <= MAX_MOTION_UNCERTAINTY:
+    uncertainty = _mean_uncertainty(counts)
+    if are_likely_right(counts):
         return counts, CountDecision(name, FROM_MOTION, counts.confidence, uncertainty)
     return NO_COUNTS, CountDecision(name, "", counts.confidence, uncertainty, is_refused=True)
+
+
+def are_likely_right(counts: Counts) -> bool:
+    """Whether counts that were estimated from the motion are used."""
+    return counts.confidence >= MIN_MOTION_CONFIDENCE and _mean_uncertainty(counts) <= MAX_MOTION_UNCERTAINTY
+
+
+def _mean_uncertainty(counts: Counts) -> float:
+    return float(counts.uncertainty.mean()) if len(counts.uncertainty) else 0.0
 
 
 def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecision]) -> list[Note]:
