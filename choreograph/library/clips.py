@@ -207,7 +207,7 @@ class ClipMotion:
     def count_uncertainty(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
-        """Expected share (N,) of wrong counts half way between two frames of each clip.
+        """Expected share (N,) of wrong counts halfway between two frames of each clip.
 
         It is 0 for counts that were not estimated from the motion. The share that is expected in the take
         follows from the confidence of its counts, and is distributed by their uncertainty.
