@@ -18,7 +18,6 @@ from choreograph.choreography.mixer.words import (
     search_words,
 )
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
-from choreograph.core.counts import Counts
 from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import WORD_FPS
@@ -86,8 +85,7 @@ def enforce_motifs(
 
     Raises `NoPathError` naming the motif and the time for which no word is left.
     """
-    song_counts = Counts(np.array(plan.music_beats_s), np.array(plan.music_beat_numbers), plan.metre)
-    pool = CandidatePool.of(constraints, repertoire, song_counts, np.random.default_rng(plan.seed))
+    pool = CandidatePool.of(constraints, repertoire, np.random.default_rng(plan.seed))
     surroundings = _Surroundings(body_pos_m(motion), motion.fps)
     candidates: dict[int, Candidates] = {}
     chosen: dict[int, int] = {}

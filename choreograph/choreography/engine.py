@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import ProgressReport
@@ -31,6 +32,7 @@ class DanceRequest:
     repertoire: Repertoire
     config: DanceConfig
     constraints: ResolvedConstraints
+    material: Material
     costs: tuple[Cost, ...] = ()  # the user's
     style_song: Song | None = None
     kept: KeptDance | None = None  # its kept parts replace what is planned there

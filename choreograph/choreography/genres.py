@@ -1,27 +1,17 @@
-"""The genre that suits a song, section by section, and the goals of the dance's parts."""
+"""The genre that suits a song, section by section."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
-from choreograph.choreography.engine import DanceRequest
-from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.choreography.selection import genre_distances
-from choreograph.choreography.slots import ResolvedConstraints, target_goal
 from choreograph.core.numerics import Floats
-from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
-from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.metrical_level import at_changes, change_times_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
-from choreograph.settings import DanceConfig
 
 _NEAREST = "no genre given: the dance follows {}, whose takes are nearest to the song in style"
 _FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"
@@ -36,21 +26,6 @@ _CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
 _CHANGE_AT_SECTION = 3.0
 _CHANGE_INSIDE = 6.0
 _SEGMENT_S = 4  # seconds that the style of a second describes
-
-
-def choose_goal(
-    song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
-) -> tuple[MotifGoal, tuple[str, ...]]:
-    """Signature and motif transitions as requested, or of the genre nearest to the whole song, and notes.
-
-    Raises `ParameterError` for an unknown genre or a signature of another vocabulary, `RepertoireError` for a
-    repertoire without one.
-    """
-    genre = constraints.genre
-    if genre is not None or constraints.signature is not None or constraints.motifs:
-        return target_goal(constraints, repertoire, genre), ()
-    genre = likely_genre(song_features, repertoire, constraints)
-    return target_goal(constraints, repertoire, genre), (genre_note([genre]),)
 
 
 def genre_note(genres: list[str]) -> str:
@@ -169,96 +144,3 @@ def song_metre_at(song_features: SongFeatures) -> NDArray[np.int64]:
     length = np.diff(downbeats)  # (bars,)
     bar = np.searchsorted(counts.times_s[downbeats], np.arange(song_features.n_seconds) + 0.5, "right") - 1
     return length[np.clip(bar, 0, len(length) - 1)].astype(np.int64)
-
-
-# The goals of a dance's parts: signature and motif transitions of the genre that suits the music there.
-
-
-@dataclass(frozen=True, eq=False)
-class SectionGoal:
-    """The goal from one second of the song on, to where the next begins."""
-
-    first_second: int
-    goal: MotifGoal
-    genre: str | None = None  # None for a goal without a genre
-
-
-def section_goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
-    """The goals of the dance as requested, or of the likely genre of each part of the song, and notes.
-
-    There is no goal if the style does not decide on a genre. The mixture of all genres is not used, because a
-    waltz would then contain tangos.
-    """
-    repertoire, constraints = request.repertoire, request.constraints.requested
-    if constraints.genre is not None or constraints.signature is not None:
-        return [SectionGoal(0, target_goal(constraints, repertoire), constraints.genre)], ()
-    if not repertoire.has_vocabulary:
-        return [], ()
-    parts = likely_genres(request.song_features, repertoire, constraints)
-    if parts[0][1] == ALL_GENRES:
-        return [], ()
-    goals = [
-        SectionGoal(second, target_goal(constraints, repertoire, genre), genre) for second, genre in parts
-    ]
-    return goals, (genre_note([genre for _, genre in parts]),)
-
-
-# What is missing from a finished plan: takes of a requested genre, and takes without counts.
-#
-# Engines prefer counted takes of the song's metre, but no cost forbids the others. Only the plan shows it.
-
-
-Mask = NDArray[np.bool_]
-
-_MOST = 0.5  # share of the requested genre in a dance: a note is made below it
-_NAMED = 4  # genres in a note
-
-
-def missing_from_plan(
-    plan: Plan, repertoire: Repertoire, constraints: ResolvedConstraints, config: DanceConfig
-) -> tuple[str, ...]:
-    """Notes on what is missing from a dance of takes. There is none on the motion of a network."""
-    names = [take.name for take in repertoire.takes]
-    danced_s = {source: time_s for source, time_s in plan.takes_s().items() if source in names}
-    if not danced_s:
-        return ()
-    counted = np.array([len(repertoire.counts(take)) >= FEWEST_COUNTS for take in range(len(names))])
-    genre = constraints.requested.genre
-    if genre is not None:
-        return _genre_note(genre, danced_s, counted, plan, repertoire, constraints.take_allowed)
-    by_counts = config.warping == "counts" and len(plan.music_beats_s) >= FEWEST_COUNTS
-    without = np.flatnonzero(constraints.take_allowed & ~counted)
-    if not by_counts or len(without) == 0 or any(name in danced_s for name in np.array(names)[~counted]):
-        return ()
-    genres = sorted({repertoire.takes[take].credits.genre for take in without} - {""})
-    more = f" and {len(genres) - _NAMED} more" if len(genres) > _NAMED else ""
-    of = f" ({', '.join(genres[:_NAMED])}{more})" if genres else ""
-    which = "1 take without counts is" if len(without) == 1 else f"{len(without)} takes without counts are"
-    return (f"{which} not danced, because other takes have counts{of}",)
-
-
-def _genre_note(
-    genre: str,
-    danced_s: Mapping[str, float],
-    counted: Mask,
-    plan: Plan,
-    repertoire: Repertoire,
-    take_allowed: Mask,
-) -> tuple[str, ...]:
-    """A note if less than half of the dance is of the requested genre, with the reason if it is known."""
-    of_genre = [index for index, take in enumerate(repertoire.takes) if take.credits.genre == genre]
-    total_s = sum(danced_s.values())
-    genre_s = sum(danced_s.get(repertoire.takes[take].name, 0.0) for take in of_genre)
-    if genre_s >= _MOST * total_s:
-        return ()
-    metres = sorted({repertoire.counts(take).metre for take in of_genre if counted[take]} - {0})
-    why = ""
-    if not take_allowed[of_genre].any():
-        why = ": they are banned"
-    elif plan.seconds and not np.isin(repertoire.clip_take, of_genre).any():
-        why = f": they are shorter than {CLIP_S} s"
-    elif counted.any() and not counted[of_genre].any():
-        why = ": they have no counts, and other takes have"
-    elif plan.metre and metres and plan.metre not in metres:
-        why = f": they are counted in {' or '.join(map(str, metres))}, the song in {plan.metre}"
-    return (f"{genre} was requested, but its takes are danced for {genre_s:.0f} of {total_s:.0f} s{why}",)

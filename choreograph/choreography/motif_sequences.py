@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,12 +86,17 @@ def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArr
 
 
 def possible_motifs(
-    slot_position: Indices, word_position: Indices, words: Indices, vocabulary: Vocabulary
+    slot_position: Indices, word_position: Indices, takes: NDArray[np.bool_], vocabulary: Vocabulary
 ) -> NDArray[np.bool_]:
-    """Motifs (N, K) that have one of the words (M,) on the count of each slot (N,)."""
+    """Motifs (N, K) that have a word of the `takes` (N, takes) on the count of each slot (N,).
+
+    Where these takes have no word on the count, all of their motifs are possible.
+    """
     possible = np.zeros((len(slot_position), vocabulary.n_motifs), bool)
     for slot, wanted in enumerate(slot_position):
-        possible[slot, vocabulary.word_motif[words[words_on_count(wanted, word_position, words)]]] = True
+        words = np.flatnonzero(takes[slot, vocabulary.word_take])
+        on_count = words[words_on_count(wanted, word_position, words)]
+        possible[slot, vocabulary.word_motif[on_count if len(on_count) else words]] = True
     return possible
 
 
@@ -119,6 +124,7 @@ def draw_motifs(
     banned: Collection[int] = (),
     possible: NDArray[np.bool_] | None = None,
     need: str = "missing",
+    previous: int | None = None,
 ) -> NDArray[np.int64]:
     """A dance of `n_words` motifs, (N,).
 
@@ -131,6 +137,7 @@ def draw_motifs(
     possible : bool array (N, K)       which motifs each word may be, such as those that have a word on its
         count, or all if there is none. This is not in the paper
     need : "missing" or "absolute", the reading of the difference in equation 5, see above
+    previous : the motif before the first word, if it is known
 
     Each motif is drawn by equation 5 times the probability that the transitions lead from it to the next pin
     in the remaining steps, by possible motifs (backward messages, one per position). Gaps are therefore
@@ -159,10 +166,39 @@ def draw_motifs(
         if position in pins:
             motifs[position] = pins[position]
             continue
-        prior = transitions[motifs[position - 1]] if position else target
+        before = motifs[position - 1] if position else previous
+        prior = target if before is None else transitions[before]
         possible_now = messages[position] * allowed[position]
         motifs[position] = _drawn(prior, possible_now, _need(counts, target, need), rng)
         counts[motifs[position]] += 1
+    return motifs
+
+
+def draw_motifs_of_parts(
+    parts: Indices,
+    goals: Sequence[MotifGoal],
+    *,
+    rng: np.random.Generator,
+    pins: Mapping[int, int],
+    banned: Collection[int],
+    possible: NDArray[np.bool_],
+    need: str,
+) -> NDArray[np.int64]:
+    """A dance whose parts have goals of their own, (N,): `draw_motifs` for each part, in order.
+
+    `parts` (N,) is the index of the goal of each word. Motifs are counted anew where a part begins. Raises as
+    `draw_motifs`.
+    """
+    motifs = np.empty(len(parts), np.int64)
+    borders = np.flatnonzero(np.diff(parts)) + 1
+    for words in np.split(np.arange(len(parts)), borders):
+        first, goal = int(words[0]), goals[parts[words[0]]]
+        motifs[words] = draw_motifs(
+            len(words), goal.signature, goal.transitions, rng=rng,
+            pins={slot - first: pins[slot] for slot in words.tolist() if slot in pins},
+            banned=banned, possible=possible[words], need=need,
+            previous=int(motifs[first - 1]) if first else None,
+        )  # fmt: skip
     return motifs
 
 

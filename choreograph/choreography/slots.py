@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints, Keep, MotifPin, TakePin
-from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
+from choreograph.choreography.material import Material
+from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import stretch_frames
@@ -122,11 +124,13 @@ class ResolvedConstraints:
     """The constraints on each word of one dance. Slots are the indices of the words."""
 
     requested: Constraints
+    counts: Counts  # what words begin on: see `choreography.material`
     bounds_s: NDArray[np.float64]  # (N + 1,) times at which words begin and end
     motifs: dict[int, int]  # slot -> motif that must be danced there
     takes: dict[int, int]  # slot -> take that must be danced there
     pinned: frozenset[int]  # slots with a pinned motif
-    take_allowed: NDArray[np.bool_]  # (takes,)
+    take_allowed: NDArray[np.bool_]  # (takes,) that are not banned
+    take_wanted: NDArray[np.bool_]  # (N, takes) those of them that words are chosen from, if these have any
     motif_banned: NDArray[np.bool_]  # (K,), empty without a vocabulary
 
     @property
@@ -141,9 +145,9 @@ class ResolvedConstraints:
 
 
 def resolve(
-    constraints: Constraints, repertoire: Repertoire, bounds_s: NDArray[np.float64], duration_s: float
+    constraints: Constraints, repertoire: Repertoire, material: Material, duration_s: float
 ) -> ResolvedConstraints:
-    """The constraints on each word of a dance whose words begin and end at `bounds_s` (N + 1,).
+    """The constraints on each word of a dance of `duration_s`, made of `material`.
 
     Raises
     ------
@@ -151,6 +155,7 @@ def resolve(
                       contradict each other, or a signature is of another vocabulary
     RepertoireError   if motifs are requested of a repertoire without motifs
     """
+    bounds_s = dance_bounds_s(material.counts.times_s, duration_s)
     n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
     if constraints.genre is not None:
         repertoire.vocabulary.genre_index(constraints.genre)
@@ -179,27 +184,12 @@ def resolve(
                         "shorten it"
                     )
     resolved = ResolvedConstraints(
-        constraints, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
-        frozenset(pinned), take_allowed, motif_banned,
+        constraints, material.counts, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
+        frozenset(pinned), take_allowed, material.takes_at(bounds_s[:-1], take_allowed), motif_banned,
     )  # fmt: skip
     if motifs:
         _check_words_exist(resolved, repertoire)
     return resolved
-
-
-def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:
-    """Signature and motif transitions as requested, or else of a genre, or else of all takes.
-
-    Raises `ParameterError` for an unknown genre or a signature of another vocabulary.
-    """
-    shares = None if constraints.signature is None else np.array(constraints.signature)
-    n_motifs = repertoire.vocabulary.n_motifs
-    if shares is not None and len(shares) != n_motifs:
-        raise ParameterError(
-            f"expected a signature of this repertoire's {n_motifs} motifs, got {len(shares)} shares: it may "
-            "be of another repertoire"
-        )
-    return motif_goal(repertoire.vocabulary, genre=constraints.genre or genre, signature=shares)
 
 
 def _bans(

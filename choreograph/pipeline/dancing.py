@@ -18,8 +18,8 @@ from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.engine import DanceRequest, check_settings
 from choreograph.choreography.engines import engine_for, engines
-from choreograph.choreography.genres import missing_from_plan
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Transition
+from choreograph.choreography.material import choose_material, missing_from_plan
 from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
@@ -31,7 +31,6 @@ from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
@@ -198,9 +197,9 @@ def dance(
     ----------
     song : path of any audio file, or a loaded `Song`
     repertoire : the takes to dance with, opened or as a path, by default the built-in ones
-    genre : the genre whose signature and motif transitions the dance follows, by default the one whose takes
-        are nearest to the song in style
-    signature : (K,) shares of the motifs that the dance should have
+    genre : the genre to dance, by its own takes or motifs alone. By default, each part of the song has the
+        genre whose takes are nearest to it in style
+    signature : (K,) shares of the motifs that the dance should have, by takes that have them
     motifs : of the dance's words from the first on, or with their times. A whole sequence is danced by the
         mixer, unless another engine is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
@@ -302,13 +301,15 @@ def _danced(
         song, repertoire, beats=config.beats, genre=requested.genre,
         report=substage(report, "analysing the song"),
     )  # fmt: skip
-    bounds_s = dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
-    resolved = resolve(requested, repertoire, bounds_s, song_features.duration_s)
+    material = choose_material(song_features, repertoire, requested)
+    resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
     engine = engines()[config.engine]
     if kept is not None and kept.plan is not None and "costs" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
-    request = DanceRequest(song, song_features, repertoire, config, resolved, costs, style, kept, report)
+    request = DanceRequest(
+        song, song_features, repertoire, config, resolved, material, costs, style, kept, report
+    )
     if kept is None:
         result = engine.plan(request)
         motion = result.motion
@@ -316,7 +317,7 @@ def _danced(
             motion = render(result.plan, repertoire, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
-    left_out = missing_from_plan(result.plan, repertoire, resolved, config)
+    left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)
     kept_notes = () if kept is None else kept.notes
     notes = (*notes, *kept_notes, *result.notes, *left_out, *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import make_constraints
 from choreograph.choreography.genres import genre_note, likely_genre
+from choreograph.choreography.material import counts_of_genre
 from choreograph.choreography.rollout.engine import lead_in
 from choreograph.choreography.rollout.streaming import MotifStream, StreamedWord
 from choreograph.choreography.song_analysis import analyse_song
@@ -110,6 +111,7 @@ class RolloutStream:
         self._net = self._repertoire.rollout_net()
         if genre is not None:
             self._repertoire.vocabulary.genre_index(genre)
+        requested = genre or ALL_GENRES
         self.fps, self.skeleton = fps, self._repertoire.skeleton
         self.notes: tuple[str, ...] = ()  # what is unusual about the song, one line each
         loaded: Song | None = None
@@ -124,8 +126,11 @@ class RolloutStream:
             if genre is None:
                 genre = likely_genre(features, self._repertoire, make_constraints())
                 self.notes += (genre_note([genre]),)
+        beat_times_s = self.counts.times_s
+        self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
+        self.notes += metre_notes
         self._motifs = MotifStream(self.counts, self._repertoire, genre=genre or ALL_GENRES, seed=seed)
-        self._rhythm = RhythmStream(self.counts.times_s)
+        self._rhythm = RhythmStream(beat_times_s)
         self._conditions: deque[FrameCondition] = deque()  # of the rest of a word, rhythm left out
         self._dance: DanceStream | None = None  # from the first word on
         self._final: deque[tuple[Floats, Floats]] = deque()  # frames that are made but not yet returned

@@ -41,11 +41,17 @@ def test_a_bar_of_three_within_bars_of_four_is_no_bar_of_four():
     np.testing.assert_array_equal(found % 100, numbers)
 
 
-@given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3)), min_size=1, max_size=20), st.integers(0, 4))
-def test_a_motif_is_possible_where_one_of_its_words_begins(words, wanted):
-    position, motif = (np.array(column) for column in zip(*words, strict=True))
+@given(
+    st.lists(st.tuples(st.integers(0, 4), st.integers(0, 3), st.integers(0, 1)), min_size=1, max_size=20),
+    st.integers(0, 4),
+)
+def test_a_motif_is_possible_where_a_word_of_the_takes_begins(words, wanted):
+    position, motif, take = (np.array(column) for column in zip(*words, strict=True))
     vocabulary = SimpleNamespace(word_motif=motif, n_motifs=4)
-    possible = possible_motifs(np.array([wanted]), position, np.arange(len(words)), vocabulary)[0]
+    vocabulary.word_take = take
+    possible = possible_motifs(np.array([wanted]), position, np.array([[True, False]]), vocabulary)[0]
     known = wanted != UNKNOWN and (position != UNKNOWN).any()
-    fitting = motif[position == wanted] if known else motif
+    of_take = motif[take == 0]
+    fitting = motif[(take == 0) & (position == wanted)] if known else of_take
+    fitting = fitting if len(fitting) else of_take  # on no count: all motifs of the takes
     assert set(np.flatnonzero(possible)) == set(fitting)

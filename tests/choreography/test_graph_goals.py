@@ -56,7 +56,7 @@ def test_a_requested_signature_is_approached(worded, song, planner):
     steered = cg.dance(song, worded, config=config, signature=wanted, weights={"signature": 5.0})
     assert distance(steered, worded, wanted) < distance(without, worded, wanted) - 0.05
     assert set(steered.plan.seconds[0].costs) - set(without.plan.seconds[0].costs) == {
-        "signature", "motif_transition",
+        "signature", "motif_transition", "constraints",
     }  # fmt: skip
 
 

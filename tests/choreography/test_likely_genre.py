@@ -10,7 +10,6 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes, with_count
 
 from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.genres import (
-    choose_goal,
     genre_note,
     likely_genre,
     likely_genres,
@@ -173,10 +172,5 @@ def test_without_style_or_genres_none_is_likely(tmp_path, lacking):
     assert likely_genre(features, plain, ANYTHING) == ALL_GENRES
 
 
-def test_the_goal_is_the_requested_or_likely_genres(repertoire):
-    features = song(["rumba"] * N_SECONDS)
-    goal, notes = choose_goal(features, repertoire, ANYTHING)
-    wanted, none = choose_goal(features, repertoire, make_constraints(genre="rumba"))
-    assert np.array_equal(goal.signature, wanted.signature) and not none
-    assert notes == (genre_note(["rumba"]),) and "rumba" in notes[0]
+def test_the_note_names_the_genres_in_order():
     assert "waltz, then rumba" in genre_note(["waltz", "rumba"])

@@ -13,8 +13,9 @@ from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
 from choreograph.choreography.constraints import make_constraints
-from choreograph.choreography.slots import resolve, target_goal
-from choreograph.core.counts import numbers_in_bar
+from choreograph.choreography.material import Material, target_goal
+from choreograph.choreography.slots import resolve
+from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
@@ -259,7 +260,8 @@ def test_variations_differ(with_motifs, song, engine):
 def test_constraints_that_cannot_be_met(with_motifs, constraints, message):
     def check() -> None:
         wanted = make_constraints(**constraints)
-        resolve(wanted, with_motifs, np.arange(0.0, 12.6, 0.5), 12.4)
+        counts = make_counts(np.arange(0.0, 12.6, 0.5), np.zeros(26), 0)
+        resolve(wanted, with_motifs, Material((), counts), 12.4)
         target_goal(wanted, with_motifs)
 
     with pytest.raises(ParameterError, match=message) as raised:

@@ -12,7 +12,6 @@ import numpy as np
 from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.genres import SectionGoal, section_goals
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, installed_costs
 from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, other_metre_notes
 from choreograph.choreography.graph.layers import Layer, LayerSource
@@ -24,9 +23,11 @@ from choreograph.choreography.graph.motif_costs import (
     WeightedCost,
 )
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
+from choreograph.choreography.material import SectionGoal
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
+from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
@@ -184,17 +185,20 @@ def _borders_pin(pin: TakePin, before: Run, after: Run) -> bool:
     return near and not before.take == after.take == pin.take
 
 
-def _goals(request: DanceRequest) -> tuple[list[SectionGoal], tuple[str, ...]]:
-    """The goals of the motif costs, if these are used, and notes.
+def _goals(request: DanceRequest) -> tuple[Sequence[SectionGoal], tuple[str, ...]]:
+    """The goals that are requested, or those of likely genres if the motif costs take part, and notes.
 
-    Raises `ParameterError` if there is none although the user gave a weight of a motif cost.
+    There is none if the style decides on no genre, because a mixture of all genres would be a waltz that
+    contains tangos. Raises `ParameterError` if there is none although the user gave a weight of a motif cost.
     """
-    config = request.config
+    config, material = request.config, request.material
     weights = cost_weights(config, request.costs)
-    goals: list[SectionGoal] = []
+    goals: Sequence[SectionGoal] = ()
     notes: tuple[str, ...] = ()
-    if any(weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph":
-        goals, notes = section_goals(request)
+    steered = any(weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph"
+    decided = all(goal.requested or goal.genre not in (None, ALL_GENRES) for goal in material.goals)
+    if material.is_requested or (steered and decided):
+        goals, notes = material.goals, material.notes
     given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
     if given and not goals:
         raise ParameterError(
@@ -218,7 +222,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]
     if request.kept is not None:
         weighted.append(WeightedCost(KeptBorders(request.kept, features.duration_s), 1.0))
-    allowed = AllowedNodes.of(request.constraints, request.repertoire, features.n_seconds)
+    allowed = AllowedNodes.of(request, goals)
     if allowed is not None:
         weighted.append(WeightedCost(allowed, 1.0))
     try:

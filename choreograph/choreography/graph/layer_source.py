@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import TakePin
 from choreograph.choreography.engine import DanceRequest
-from choreograph.choreography.genres import SectionGoal, song_metre_at
+from choreograph.choreography.genres import song_metre_at
 from choreograph.choreography.graph.costs import Cost, Energy, Steps
 from choreograph.choreography.graph.layers import ClipTable, Layer, LayerSource
 from choreograph.choreography.graph.motif_costs import (
@@ -22,6 +22,7 @@ from choreograph.choreography.graph.motif_costs import (
 )
 from choreograph.choreography.graph.segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
+from choreograph.choreography.material import SectionGoal
 from choreograph.choreography.selection import (
     ClipPriorities,
     clip_signature_mismatch,
@@ -30,7 +31,6 @@ from choreograph.choreography.selection import (
     select_clips,
     steps_mismatch,
 )
-from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
@@ -43,39 +43,47 @@ from choreograph.music.sections import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan
 
+_OTHER_GENRE = 20.0  # a second: more than the other costs differ by, but less than a user's cost may be
+
 
 class AllowedNodes(Cost):
-    """Infinite for nodes that the pins and bans of the user exclude, 0 for the others."""
+    """Infinite for nodes that a request excludes, high for nodes of another genre than the likely one."""
 
     name = "constraints"
 
-    def __init__(self, takes: NDArray[np.bool_], motif_banned: NDArray[np.bool_]) -> None:
-        self.takes = takes  # (S, takes) which may be danced in each second
+    def __init__(self, of_take: AnyFloats, motif_banned: NDArray[np.bool_]) -> None:
+        self.of_take = of_take  # (S, takes) cost of each take in each second
         self.motif_banned = np.append(motif_banned, False)  # (K + 1,) the last one for no motif: index -1
 
     @classmethod
-    def of(
-        cls, constraints: ResolvedConstraints, repertoire: Repertoire, n_seconds: int
-    ) -> AllowedNodes | None:
-        """The cost for a dance of `n_seconds`, or None if nothing is excluded.
+    def of(cls, request: DanceRequest, goals: Sequence[SectionGoal]) -> AllowedNodes | None:
+        """The cost for a dance whose parts have these goals, or None if nothing is excluded.
 
         Raises `ParameterError` if two pinned takes share a second, or a pinned take has no clip.
         """
-        takes = np.tile(constraints.take_allowed, (n_seconds, 1))
+        constraints, repertoire = request.constraints, request.repertoire
+        n_seconds = request.song_features.n_seconds
+        allowed = constraints.take_allowed
+        cost = np.tile(np.where(allowed, 0.0, np.inf), (n_seconds, 1))
+        with_clips = np.isin(np.arange(len(allowed)), repertoire.clip_take)
+        for goal in goals:
+            others = allowed & ~goal.takes_among(allowed & with_clips)
+            cost[goal.first_second :] = np.where(allowed, 0.0, np.inf)
+            cost[goal.first_second :, others] = np.inf if goal.requested else _OTHER_GENRE
         for second, pin in _pinned_seconds(constraints.requested.take_pins, n_seconds).items():
             take = repertoire.take_index(pin.take)
             if not (repertoire.clip_take == take).any():
                 raise ParameterError(
                     f"expected pins of takes of 8 s or more, the length of a clip, got {pin}"
                 )
-            takes[second] = np.arange(takes.shape[1]) == take
-        if takes.all() and not constraints.motif_banned.any():
+            cost[second] = np.where(np.arange(len(allowed)) == take, 0.0, np.inf)
+        if not cost[:, with_clips].any() and not constraints.motif_banned.any():
             return None
-        return cls(takes, constraints.motif_banned)
+        return cls(cost, constraints.motif_banned)
 
     def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
-        allowed = self.takes[layer.second, layer.take] & ~self.motif_banned[layer.motifs].any(axis=1)
-        return np.where(allowed, 0.0, np.inf)
+        banned = self.motif_banned[layer.motifs].any(axis=1)
+        return np.where(banned, np.inf, self.of_take[layer.second, layer.take])
 
 
 def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, TakePin]:
@@ -118,7 +126,7 @@ def candidate_clips(
     def may_dance(second: int) -> Mask:
         if allowed is None:
             return np.ones(repertoire.n_clips, bool)
-        allowed_here: Mask = allowed.takes[second, repertoire.clip_take]
+        allowed_here: Mask = np.isfinite(allowed.of_take[second, repertoire.clip_take])
         return allowed_here
 
     if request.config.selection == "style":
@@ -302,21 +310,21 @@ def danced_counts(request: DanceRequest) -> tuple[list[Counts], Mask]:
     """The counts by which each take is danced, and which takes (takes,) are danced in the song's metre only.
 
     Takes in another metre than the song are danced by their own counts, and cost what their bars differ. But
-    if all the takes that may be danced, or all of a requested genre, are in other metres, their bars are
-    put on the song's (`bars_in_metre`). So are those of pinned takes.
+    if all the takes that may be danced, or all of a requested genre or signature, are in other metres, their
+    bars are put on the song's (`bars_in_metre`). So are those of pinned takes.
     """
     repertoire, song = request.repertoire, request.song_features.counts
     counts = [repertoire.counts(take) for take in range(len(repertoire.takes))]
     in_other_metre = np.zeros(len(counts), bool)
     if not song.has_bars or len(song) < FEWEST_COUNTS or request.config.warping != "counts":
         return counts, in_other_metre
-    requested = request.constraints.requested
-    genre = np.array([take.credits.genre for take in repertoire.takes])
     metre = np.array([len(own) >= FEWEST_COUNTS and own.metre for own in counts])
-    wanted = request.constraints.take_allowed & ((genre == requested.genre) | (requested.genre is None))
+    wanted = request.constraints.take_allowed.copy()
+    if request.material.is_requested:
+        wanted = request.material.goals[0].takes_among(wanted).copy()
     if (metre[wanted] == song.metre).any():
         wanted = np.zeros_like(wanted)
-    wanted[[repertoire.take_index(pin.take) for pin in requested.take_pins]] = True
+    wanted[[repertoire.take_index(pin.take) for pin in request.constraints.requested.take_pins]] = True
     beat_s = float(np.median(np.diff(song.times_s)))
     for take in np.flatnonzero(wanted & (metre > 0) & (metre != song.metre)):
         laid = bars_in_metre(counts[take], song.metre, beat_s)

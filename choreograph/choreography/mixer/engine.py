@@ -17,8 +17,8 @@ from choreograph.choreography.enforcement import (
     with_border_costs,
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.genres import choose_goal
 from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.material import Material
 from choreograph.choreography.mixer.words import (
     SEARCHES,
     CandidatePool,
@@ -26,7 +26,7 @@ from choreograph.choreography.mixer.words import (
     consecutive_slots,
     search_words,
 )
-from choreograph.choreography.motif_sequences import MotifGoal, draw_motifs
+from choreograph.choreography.motif_sequences import draw_motifs_of_parts
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Indices
 from choreograph.core.progress import StepReport, part, substage
@@ -63,10 +63,10 @@ class MixerEngine:
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """A dance of motion words. It follows the genre nearest to the song unless one is given."""
-        constraints = request.constraints.requested
-        goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
-        mixed = mix(request, goal)
+        """A dance of motion words. Each part follows its likely genre unless one is requested."""
+        constraints, material = request.constraints.requested, request.material
+        mixed = mix(request)
+        notes = (*material.notes, *material.metre_notes)
         if len(mixed.wrong):
             notes = (*notes, f"{len(mixed.wrong)} of {len(mixed.wanted)} words do not show their motifs")
         notes = (*notes, *sequence_notes(constraints, len(mixed.wanted)))
@@ -110,7 +110,7 @@ def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
     return ()
 
 
-def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
+def mix(request: DanceRequest) -> MixedDance:
     """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
     It differs from the paper in three ways. A word that no longer shows its motif after blending is replaced,
@@ -122,8 +122,8 @@ def mix(request: DanceRequest, goal: MotifGoal) -> MixedDance:
     """
     constraints, config = request.constraints, request.config
     rng = np.random.default_rng(config.seed)
-    pool = CandidatePool.of(constraints, request.repertoire, request.song_features.counts, rng)
-    wanted = _motifs(pool, config, goal)
+    pool = CandidatePool.of(constraints, request.repertoire, rng)
+    wanted = _motifs(pool, config, request.material)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
     if request.kept is not None:
         candidates = with_border_costs(candidates, request.kept, constraints)
@@ -187,7 +187,7 @@ def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: Candi
     return left if left.any_left else here
 
 
-def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indices:
+def _motifs(pool: CandidatePool, config: DanceConfig, material: Material) -> Indices:
     """The motif of every word (N,), as requested, or that of a pinned take, or drawn."""
     constraints = pool.constraints
     motifs = dict(constraints.motifs)
@@ -200,10 +200,10 @@ def _motifs(pool: CandidatePool, config: DanceConfig, goal: MotifGoal) -> Indice
             )
         passage = search_words(of_take, search=config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
-    return draw_motifs(
-        constraints.n_words, goal.signature, goal.transitions, rng=pool.rng, pins=motifs,
-        banned=np.flatnonzero(~pool.motif_allowed()).tolist(), possible=pool.motif_possible(),
-        need=config.motif_draw,
+    return draw_motifs_of_parts(
+        material.parts_at(constraints.bounds_s[:-1]), [part.goal for part in material.goals],
+        rng=pool.rng, pins=motifs, banned=np.flatnonzero(~pool.motif_allowed()).tolist(),
+        possible=pool.motif_possible(), need=config.motif_draw,
     )  # fmt: skip
 
 

@@ -16,7 +16,6 @@ from choreograph.choreography.motif_sequences import (
     words_on_count,
 )
 from choreograph.choreography.slots import ResolvedConstraints
-from choreograph.core.counts import Counts
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import AnyFloats, Indices, squared_distances
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
@@ -163,14 +162,13 @@ class CandidatePool:
         cls,
         constraints: ResolvedConstraints,
         repertoire: Repertoire,
-        song_counts: Counts,
         rng: np.random.Generator,
     ) -> CandidatePool:
         """The pool of a repertoire. Raises `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
         embed = repertoire.word_net().embed
         bank = WordBank(vocabulary, repertoire.body_pos_m, embed, accented_bounds_s(repertoire))
-        slots = bar_positions(constraints.bounds_s[:-1], song_counts)
+        slots = bar_positions(constraints.bounds_s[:-1], constraints.counts)
         return cls(constraints, repertoire, bank, rng, slots, word_positions(vocabulary, repertoire.counts))
 
     @property
@@ -183,14 +181,18 @@ class CandidatePool:
         return float(self.constraints.bounds_s[slot + 1] - self.constraints.bounds_s[slot])
 
     def candidates(self, slot: int, motif: int | None) -> Candidates:
-        """Words for a slot, of a motif or, if it is None, of every motif that is not banned."""
+        """Words for a slot, of a motif or, if it is None, of every motif that is not banned.
+
+        They are of the wanted takes. If these have none, they are of any take that is not banned.
+        """
         constraints, v = self.constraints, self.vocabulary
         fits = constraints.take_allowed[v.word_take] & ~constraints.motif_banned[v.word_motif]
         if motif is not None:
             fits &= v.word_motif == motif
         if slot in constraints.takes:
             fits &= v.word_take == constraints.takes[slot]
-        words = np.flatnonzero(fits)
+        wanted = fits & constraints.take_wanted[slot, v.word_take]
+        words = np.flatnonzero(wanted if wanted.any() else fits)
         octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
@@ -204,10 +206,10 @@ class CandidatePool:
         return allowed & ~self.constraints.motif_banned
 
     def motif_possible(self) -> NDArray[np.bool_]:
-        """Motifs (N, K) that have a word, of a take that may be danced, on the count of each slot."""
-        v = self.vocabulary
-        words = np.flatnonzero(self.constraints.take_allowed[v.word_take])
-        return possible_motifs(self.slot_position, self.word_position, words, v)
+        """Motifs (N, K) that have a word, of a take that is wanted there, on the count of each slot."""
+        return possible_motifs(
+            self.slot_position, self.word_position, self.constraints.take_wanted, self.vocabulary
+        )
 
     def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
         """Which words (M,) begin at the slot's position in the bar. All do if positions are unknown."""

@@ -20,13 +20,11 @@ from choreograph.choreography.enforcement import (
     violated_slots,
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.genres import choose_goal
 from choreograph.choreography.graph.costs import Cost
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.motif_sequences import (
-    MotifGoal,
     bar_positions,
-    draw_motifs,
+    draw_motifs_of_parts,
     possible_motifs,
     word_positions,
 )
@@ -67,11 +65,10 @@ class RolloutEngine:
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """A dance of the network. It follows the genre nearest to the song unless one is given."""
-        constraints = request.constraints.requested
-        goal, notes = choose_goal(request.song_features, request.repertoire, constraints)
-        result = roll_out_motifs(request, goal)
-        return replace(result, notes=(*notes, *sequence_notes(constraints, len(result.plan.words))))
+        """A dance of the network. Each part follows its likely genre unless one is requested."""
+        material, result = request.material, roll_out_motifs(request)
+        of_motifs = sequence_notes(request.constraints.requested, len(result.plan.words))
+        return replace(result, notes=(*material.notes, *material.metre_notes, *of_motifs))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +83,8 @@ class _Rollout:
     wrong: tuple[int, ...]  # slots that do not show the requested motif
 
 
-def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
-    """Motifs drawn towards a goal and danced by the network, with the plan's motion.
+def roll_out_motifs(request: DanceRequest) -> EngineResult:
+    """Motifs drawn towards the goal of each part and danced by the network, with the plan's motion.
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
     The motion is checked. If a requested motif is missing, or a banned one occurs, another dance is sampled.
@@ -104,21 +101,19 @@ def roll_out_motifs(request: DanceRequest, goal: MotifGoal) -> EngineResult:
     _refuse_takes(constraints)
     credits = Credits(performer=f"learned from {len(request.repertoire.takes)} takes")
     plan = request.new_plan(engine=RolloutEngine.name)
-    dance = _rolled_out(request, goal, plan, constraints)
+    dance = _rolled_out(request, plan, constraints)
     plan = replace(plan, words=_planned_words(dance.motifs, constraints, credits))
     if dance.wrong:
         dance, plan = _laid_over(dance, plan, constraints, request.repertoire)
     return EngineResult(plan, motion=dance.motion, unmet=_unmet(dance, constraints))
 
 
-def _rolled_out(
-    request: DanceRequest, goal: MotifGoal, plan: Plan, constraints: ResolvedConstraints
-) -> _Rollout:
+def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstraints) -> _Rollout:
     """The first attempt with all requested motifs and no banned one, or that with the fewest wrong ones."""
     best: _Rollout | None = None
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
-        motifs = _drawn_motifs(request, goal, constraints, attempt, _held_longer(wrong, attempt, constraints))
+        motifs = _drawn_motifs(request, constraints, attempt, _held_longer(wrong, attempt, constraints))
         asked = _asked(motifs, best, attempt, constraints, request.repertoire)
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
@@ -223,20 +218,19 @@ def _unmet(dance: _Rollout, constraints: ResolvedConstraints) -> tuple[str, ...]
 
 def _drawn_motifs(
     request: DanceRequest,
-    goal: MotifGoal,
     constraints: ResolvedConstraints,
     attempt: int,
     held: Mapping[int, int],
 ) -> Indices:
-    """The motifs of every slot (N,) towards a goal. Another attempt draws others."""
-    repertoire, seed = request.repertoire, request.config.seed
-    vocabulary = repertoire.vocabulary
+    """The motifs of every slot (N,) towards the goal of its part. Another attempt draws others."""
+    repertoire, material, seed = request.repertoire, request.material, request.config.seed
+    vocabulary, starts_s = repertoire.vocabulary, constraints.bounds_s[:-1]
     possible = possible_motifs(
-        bar_positions(constraints.bounds_s[:-1], request.song_features.counts),
-        word_positions(vocabulary, repertoire.counts), np.arange(len(vocabulary.word_motif)), vocabulary,
+        bar_positions(starts_s, constraints.counts), word_positions(vocabulary, repertoire.counts),
+        constraints.take_wanted, vocabulary,
     )  # fmt: skip
-    return draw_motifs(
-        constraints.n_words, goal.signature, goal.transitions,
+    return draw_motifs_of_parts(
+        material.parts_at(starts_s), [part.goal for part in material.goals],
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
         pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
         banned=np.flatnonzero(constraints.motif_banned).tolist(), possible=possible,
@@ -276,7 +270,7 @@ def _generated(
         end_s=bounds_s[1:],
         motif=asked,
         rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
-        count_phase=count_phase(features.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
+        count_phase=count_phase(constraints.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
         spectral=spectral,
     )
     net = repertoire.rollout_net().with_style(config.style_strength, config.style_window)

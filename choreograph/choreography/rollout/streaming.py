@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from choreograph.choreography.material import takes_of_genre
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
     bar_positions,
@@ -62,7 +63,7 @@ class MotifStream:
     def __init__(
         self, counts: Counts, repertoire: Repertoire, *, genre: str, seed: int, need: str = "missing"
     ) -> None:
-        self._vocabulary = repertoire.vocabulary
+        self._repertoire, self._vocabulary = repertoire, repertoire.vocabulary
         self._need, self._rng = need, np.random.default_rng(seed)
         last_s = counts.times_s[-1] if len(counts) else 0.0
         self._bounds_s = dance_bounds_s(counts.times_s, max(float(last_s), DEFAULT_WORD_S))
@@ -82,6 +83,7 @@ class MotifStream:
     def genre(self, genre: str) -> None:
         self._goal = motif_goal(self._vocabulary, genre=genre)
         self._genre = genre
+        self._takes = np.tile(takes_of_genre(self._repertoire, genre), (2, 1))  # of this word and the next
         self._danced = np.zeros(self._vocabulary.n_motifs)
 
     def request(self, motif: int, n_words: int) -> None:
@@ -100,14 +102,13 @@ class MotifStream:
         positions = np.full(2, UNKNOWN)
         here = self._position[slot : slot + 2]
         positions[: len(here)] = here
-        every_word = np.arange(len(self._vocabulary.word_motif))
         return draw_next_motif(
             self._danced,
             self._goal.signature,
             self._goal.transitions,
             rng=self._rng,
             previous=self.words[-1].motif if self.words else None,
-            possible=possible_motifs(positions, self._word_position, every_word, self._vocabulary),
+            possible=possible_motifs(positions, self._word_position, self._takes, self._vocabulary),
             need=self._need,
         )
 
