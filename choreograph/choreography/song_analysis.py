@@ -32,6 +32,7 @@ from choreograph.music.song_features import SongFeatures, energy_per_second, mus
 
 _STEPS = 100  # of the progress, most of which is for the sections
 _NEAREST_CLIPS = 32  # whose takes determine the tempo at which a second of the song can be danced
+_WHOLE_SONG = 0.8  # of its duration: a note on a shorter part states where it is
 
 
 @one_thread()
@@ -62,14 +63,10 @@ def analyse_song(
         report(25, _STEPS)
     sections = _sections(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
-        tracked, counts = counts, _danceable(counts, song, mel, sections, repertoire, style, genre)
-        if counts is not tracked:
+        counts, changed = _danceable(counts, song, mel, sections, repertoire, style, genre)
+        if changed:
             sections = _sections(song, counts, part(report, 60, 95, _STEPS))
-            which = f"takes of {genre}" if genre else "takes nearest in style"
-            notes.append(
-                f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM rather than the tracked "
-                f"{tempo_bpm(tracked):.0f} BPM, because this is nearer to the tempo of the {which}"
-            )
+            notes.append(_level_note(song, changed, genre))
     if len(counts) == 0:
         notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
     opening_s, closing_s = dance_span_s(counts, mel, song.duration_s)
@@ -101,6 +98,18 @@ def _sections(song: Song, counts: Counts, report: StepReport | None) -> Sections
     )
 
 
+def _level_note(song: Song, changed: Sequence[tuple[Counts, Counts]], genre: str | None) -> str:
+    """The tempo at which the longest part of a song is counted rather than as tracked."""
+    tracked, counts = max(changed, key=lambda pair: float(np.ptp(pair[0].times_s)))
+    span = f" from {counts.times_s[0]:.0f} s to {counts.times_s[-1]:.0f} s"
+    is_whole = np.ptp(tracked.times_s) > _WHOLE_SONG * song.duration_s
+    return (
+        f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM{'' if is_whole else span} rather than the "
+        f"tracked {tempo_bpm(tracked):.0f} BPM, because this is nearer to the tempo of the "
+        + (f"takes of {genre}" if genre else "takes nearest in style")
+    )
+
+
 def _danceable(
     tracked: Counts,
     song: Song,
@@ -109,33 +118,33 @@ def _danceable(
     repertoire: Repertoire,
     style: NDArray[np.float32],
     genre: str | None,
-) -> Counts:
+) -> tuple[Counts, list[tuple[Counts, Counts]]]:
     """The song's counts, each part at the metrical level that suits the takes (`music.metrical_level`).
 
-    A new part begins where the tracked tempo or metre changes.
+    A new part begins where the tracked tempo or metre changes. Also returns the parts that are counted at
+    another level than the tracked one, as tracked and as counted.
     """
     counted = ((i, repertoire.counts(i)) for i in range(len(repertoire.takes)))
     takes = [i for i, counts in counted if counts.has_bars and len(counts) > 1]  # one count has no tempo
     if not takes or not tracked.has_bars:
-        return tracked
+        return tracked, []
     of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
     if of_genre:
         takes, style = of_genre, np.zeros_like(style)  # without style, all of them have the same weight
-    levels = metrical_levels(song.samples, mel, tracked)
     bounds_s = sections.bounds_s[1:-1]
     bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
-    if len(bounds_s) == 2:
-        return choose_level(levels, *_take_tempi(repertoire, takes, style))
-    chosen = []
+    chosen, changed = [], []
     for start_s, stop_s in pairwise(bounds_s):
         seconds = style[int(np.clip(start_s, 0, len(style) - 1)) : int(np.clip(stop_s, 1, len(style)))]
-        parts = [between(level, start_s, stop_s) for level in levels]
-        if len(parts[0]) > 1:  # a single beat stays as it was tracked
-            parts = [part for part in parts if len(part) > 1]
-            parts = [choose_level(parts, *_take_tempi(repertoire, takes, seconds))]
-        chosen.append(parts[0])
-    whole = joined(chosen)
-    return tracked if np.array_equal(whole.times_s, tracked.times_s) else whole
+        levels = metrical_levels(song.samples, mel, between(tracked, start_s, stop_s))
+        if len(levels[0]) > 1:  # a single beat stays as it was tracked
+            levels = (levels[0], *(level for level in levels[1:] if len(level) > 1))
+            chosen.append(choose_level(levels, *_take_tempi(repertoire, takes, seconds)))
+        else:
+            chosen.append(levels[0])
+        if chosen[-1] is not levels[0]:
+            changed.append((levels[0], chosen[-1]))
+    return (joined(chosen) if changed else tracked), changed
 
 
 def _take_tempi(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 
@@ -200,14 +201,20 @@ def _repeat(rows: Floats, lag: int) -> Floats:
 
 
 _MIN_BEATS = 4  # one bar
-STATE_METRE = np.array([3, 3, 3, 4, 4, 4, 4])
-STATE_NUMBER = np.array([1, 2, 3, 1, 2, 3, 4])
+METRES = (3, 4)
+STATE_METRE = np.repeat(METRES, METRES)
+STATE_NUMBER = np.concatenate([np.arange(1, metre + 1) for metre in METRES])
 _P_IRREGULAR = 1e-3  # that a bar is shorter or longer
-_P_CHANGE = 1e-5  # that a whole bar is followed by the other metre
+_P_CHANGE = 1e-5  # that a whole bar is followed by another metre
 
 
 def track_bars(
-    samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: NDArray[np.floating]
+    samples: NDArray[np.floating],
+    log_mel: NDArray[np.floating],
+    beat_times_s: NDArray[np.floating],
+    *,
+    metres: Sequence[int] = METRES,
+    may_be_one: NDArray[np.bool_] | None = None,
 ) -> Counts:
     """The beats of a song numbered in their bars.
 
@@ -216,6 +223,8 @@ def track_bars(
     samples : float array (S,)        mono at 22.05 kHz, at any gain
     log_mel : float array (T, 96)     of the samples, as `music.mel.log_mel` returns it
     beat_times_s : float array (Q,)   increasing times inside the song
+    metres : ints                     metres that the song may have, among `METRES`
+    may_be_one : bool array (Q,)      beats that may be count 1; None: all
 
     Returns
     -------
@@ -236,12 +245,15 @@ def track_bars(
     accents, repeats = beat_evidence(samples, log_mel, beats_s)
     if not accents.any():
         return _without_bars(beats_s)
-    states, margin = best_bars(state_evidence(accents, repeats, ACCENT_WEIGHTS, METRE_WEIGHTS))
-    metres = STATE_METRE[states]
+    evidence = state_evidence(accents, repeats, ACCENT_WEIGHTS, METRE_WEIGHTS)
+    evidence[:, ~np.isin(STATE_METRE, metres)] = -np.inf
+    if may_be_one is not None:
+        evidence[~may_be_one[:, None] & (STATE_NUMBER == 1)] = -np.inf
+    states, margin = best_bars(evidence)
     return Counts(
         beats_s,
         STATE_NUMBER[states],
-        3 if (metres == 3).sum() > (metres == 4).sum() else 4,
+        int(np.bincount(STATE_METRE[states]).argmax()),
         FROM_MUSIC,
         _confidence(margin, len(beats_s)),
     )

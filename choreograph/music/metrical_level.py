@@ -9,11 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.counts import Counts
+from choreograph.core.counts import Counts, time_at
 from choreograph.core.numerics import Floats, Indices
-from choreograph.core.timebase import MUSIC_FPS, times_to_frames
+from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.bars import track_bars
-from choreograph.music.beats import onset_strength
 
 # The instants at which the tempo or the metre of a song changes, as where other music begins.
 #
@@ -97,47 +96,57 @@ def _peaks(height_at: Callable[[int], float], positions: Indices) -> Indices:
     return np.array([run[height[run].argmax()] for run in runs if len(run) and height[run[0]] > 0], np.int64)
 
 
-# The metrical level of a song's beats: the tracked beats, every second one, or twice as many.
+# The metrical level of a song's beats: the tracked beats, fewer of them, or twice as many.
 #
 # Whether a salsa is counted at 84 or at 168 does not follow from the music, since both are in it. For a
-# dance, it follows from the tempi of the takes.
+# dance, it follows from the tempi of the takes. At every level, count 1 is on a downbeat of the tracked bars.
 
 
 _CLEARLY_NEARER = 0.4  # octaves
 _OTHER_METRE = 0.8  # penalty, in octaves, of bars of another metre than that of the takes
 _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers count
+# The numbers in a bar of each metre that are counted at the slower level. Half of three beats is no whole
+# count, so a bar of three has one. Bars of five and seven are counted at their own level only.
+_SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
 
 
 def metrical_levels(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts
 ) -> tuple[Counts, ...]:
-    """A song's counts as tracked, then at half and at double tempo if that can be counted.
+    """A song's counts as tracked, then at a slower and at double tempo where that can be counted.
 
-    Bars are tracked anew at each level. Doubled beats turn `1 2 3 4` into `1 . 3 . 1 . 3 .`. This does not
-    work in threes, where neither two beats of a bar nor six are a bar. Arguments and errors are those of
-    `track_bars`.
+    At the slower level, a bar of four or six has two counts and a bar of three has one. These counts are
+    grouped in fours, so that count 1 is the downbeat of every second or fourth bar. The music determines of
+    which ones. At double tempo, a bar of four has count 1 on beats 1 and 3. Other bars are not doubled.
+    Arguments and errors are those of `track_bars`.
     """
-    if not tracked.has_bars:
+    if not tracked.has_bars or len(tracked) < 2:
         return (tracked,)
-    beats_s, bpm = tracked.times_s, tempo_bpm(tracked)
-    others = []
-    if bpm / 2 >= _SLOWEST_BPM:
-        others.append(beats_s[_main_beats(log_mel, tracked) :: 2])
-    if bpm * 2 <= _FASTEST_BPM:
-        others.append(np.interp(np.arange(2 * len(beats_s) - 1) / 2, np.arange(len(beats_s)), beats_s))
-    found = (track_bars(samples, log_mel, times_s) for times_s in others)
-    return (tracked, *(counts for counts in found if counts.has_bars))
+    others = (_slower(samples, log_mel, tracked), _doubled(tracked, len(samples) / SAMPLE_RATE_HZ))
+    return (tracked, *(counts for counts in others if counts is not None))
 
 
-def _main_beats(log_mel: NDArray[np.floating], tracked: Counts) -> int:
-    """The first beat to keep, 0 or 1: in fours the half with 1 and 3, in threes the stronger half."""
-    if tracked.metre == 4:
-        weight = (tracked.numbers % 2 == 1).astype(np.float64)
-    else:
-        strength = onset_strength(log_mel)
-        frames = np.rint(times_to_frames(tracked.times_s, MUSIC_FPS)).astype(np.int64)
-        weight = strength[np.minimum(frames, len(strength) - 1)]
-    return int(weight[1::2].mean() > weight[::2].mean())
+def _slower(samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts) -> Counts | None:
+    """The counts at the slower level, or None if they would be too slow or too few."""
+    kept = _SLOWER.get(tracked.metre, ())
+    if tempo_bpm(tracked) * len(kept) / tracked.metre < _SLOWEST_BPM:
+        return None
+    on_one = tracked.numbers == 1
+    # Irregular bars keep their count 1. Between a second count and the next count 1 there is a beat.
+    chosen = on_one | (np.isin(tracked.numbers, kept) & ~np.append(on_one[1:], False))
+    counts = track_bars(samples, log_mel, tracked.times_s[chosen], metres=(4,), may_be_one=on_one[chosen])
+    return replace(counts, confidence=tracked.confidence) if counts.has_bars else None
+
+
+def _doubled(tracked: Counts, duration_s: float) -> Counts | None:
+    """The counts at double tempo, or None if they would be too fast or count 1 would lie off the bars."""
+    if tracked.metre != 4 or tempo_bpm(tracked) * 2 > _FASTEST_BPM:
+        return None
+    between_s = time_at(tracked.times_s, np.arange(len(tracked)) + 0.5)
+    times_s = np.stack([tracked.times_s, between_s], axis=1).ravel()
+    numbers = (2 * (tracked.numbers[:, None] - 1) % 4 + np.array([1, 2])).ravel()
+    inside = times_s < duration_s
+    return replace(tracked, times_s=times_s[inside], numbers=numbers[inside])
 
 
 def choose_level(
@@ -188,7 +197,7 @@ def joined(parts: Sequence[Counts]) -> Counts:
     """The counts of consecutive parts of a song. A beat too close to the part before it is left out."""
     times_s, numbers = [parts[0].times_s], [parts[0].numbers]
     for before, part in pairwise(parts):
-        period_s = np.median(np.diff(part.times_s)) if len(part) > 1 else 0.0
+        period_s = min((60.0 / tempo_bpm(p) for p in (before, part) if len(p) > 1), default=0.0)
         kept = part.times_s > (before.times_s[-1] + 0.6 * period_s if len(before) else -np.inf)
         times_s.append(part.times_s[kept])
         numbers.append(part.numbers[kept])

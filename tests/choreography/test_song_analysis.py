@@ -97,3 +97,17 @@ def test_parts_that_keep_the_tracked_level_are_the_tracked_counts(clicks, tmp_pa
     features, notes = analyse_song(clicks, repertoire_at(tmp_path, 118.0))
     assert tempo_bpm(features.counts) == pytest.approx(120, rel=0.02)
     assert not any("rather than the tracked" in note for note in notes)
+
+
+def test_a_note_states_the_tempi_of_the_part_that_changes(clicks, tmp_path, monkeypatch):
+    """The median tempo of this song is 60 BPM as tracked and as counted."""
+    times_s = np.r_[np.arange(0.25, 4.0, 0.5), np.arange(4.25, 20.0, 1.0)]
+    beats = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+    monkeypatch.setattr(song_analysis, "song_counts", lambda *_: beats)
+    halves = Sections(np.array([0.25, 4.25, 20.0]), np.arange(2))
+    monkeypatch.setattr(song_analysis, "song_sections", lambda *_, **__: halves)
+    monkeypatch.setattr(song_analysis, "change_times_s", lambda _: np.array([4.25]))
+    features, notes = analyse_song(clicks, repertoire_at(tmp_path, 62.0))
+    assert np.diff(features.beat_times_s) == pytest.approx(1.0)
+    note = next(note for note in notes if "rather than the tracked" in note)
+    assert "counted at 60 BPM from 0 s to 3 s rather than the tracked 120 BPM" in note

@@ -92,6 +92,47 @@ def test_beats_of_another_level_are_numbered_anew(tracked_at, level):
     assert np.abs(chosen.downbeat_times_s[1:-1, None] - downbeats_s).min(axis=1).max() < 0.01
 
 
+@pytest.mark.parametrize("first", [1, 2, 3, 4])
+def test_four_fast_beats_are_two_counts_from_the_downbeat_on(first):
+    """Wherever the strong beats of the music are: here they are on 1 and 3 of the music's own bars."""
+    samples, beats_s = groove(164.0)
+    tracked = make_counts(beats_s, numbers_in_bar(len(beats_s), 4, first=first), 4)
+    _, halved = metrical_levels(samples, log_mel(samples), tracked)
+    assert halved.metre == 4 and tempo_bpm(halved) == pytest.approx(82.0)
+    assert set(halved.times_s) == set(beats_s[np.isin(tracked.numbers, [1, 3])])
+    assert set(halved.downbeat_times_s) < set(tracked.downbeat_times_s)
+    assert set(np.diff(np.flatnonzero(halved.numbers == 1))) == {4}
+
+
+def test_three_fast_beats_are_one_count():
+    samples, beats_s = groove(172.0)
+    tracked = make_counts(beats_s, numbers_in_bar(len(beats_s), 3, first=2), 3)
+    as_tracked, slower = metrical_levels(samples, log_mel(samples), tracked)
+    assert as_tracked is tracked
+    assert slower.metre == 4 and np.array_equal(slower.times_s, tracked.downbeat_times_s)
+
+
+@pytest.mark.parametrize(
+    ("metre", "bpm", "n_levels"), [(3, 100.0, 1), (5, 120.0, 1), (7, 200.0, 1), (4, 70.0, 2)]
+)
+def test_bars_are_never_cut(metre, bpm, n_levels):
+    """Neither half of three, five or seven beats, nor count 1 of twice as many, is a bar."""
+    samples, beats_s = groove(bpm)
+    tracked = make_counts(beats_s, numbers_in_bar(len(beats_s), metre), metre)
+    assert len(metrical_levels(samples, log_mel(samples), tracked)) == n_levels
+
+
+def test_an_irregular_bar_keeps_its_downbeat_at_every_level():
+    samples, beats_s = groove(110.0)
+    numbers = np.r_[numbers_in_bar(31, 4), numbers_in_bar(33, 4)]  # one bar of three
+    tracked = make_counts(beats_s, numbers, 4)
+    _, slower, faster = metrical_levels(samples, log_mel(samples), tracked)
+    assert set(tracked.downbeat_times_s) <= set(slower.times_s)
+    assert set(slower.downbeat_times_s) <= set(tracked.downbeat_times_s)
+    assert set(tracked.downbeat_times_s) <= set(faster.downbeat_times_s)
+    assert set(faster.downbeat_times_s) == set(beats_s[np.isin(numbers, [1, 3])])
+
+
 def test_without_bars_there_is_one_level():
     few = Counts(np.array([0.5, 1.0]), np.zeros(2, np.int64), 0)
     assert metrical_levels(np.zeros(40_000), np.zeros((109, 96)), few) == (few,)
