@@ -24,6 +24,6 @@ Examples
 
 import lazy_loader
 
-# Imported when first used, so that `choreograph --help` does not wait for numba and torch. The stub
-# `__init__.pyi` lists what is where, for this line, type checkers and editors.
+# Modules are imported when first used, so that `choreograph --help` does not wait for numba and torch. The
+# stub `__init__.pyi` lists the module of each name, for this line, type checkers and editors.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

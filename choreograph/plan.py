@@ -1,4 +1,4 @@
-"""`Plan`: which part of which take is danced when, at which cost, with its credits, as JSON."""
+"""`Plan`, the list of the parts of takes that are danced, with their times, costs and credits, as JSON."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-plan"
 VERSION = 1
 _ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
-_SETTINGS = ("planner", "blending", "fps", "seed")  # that a plan holds, named as in `DanceConfig`
+_SETTINGS = ("planner", "blending", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
-_TOUCH_S = 1e-3  # words that meet this closely leave no gap
+_TOUCH_S = 1e-3  # largest distance between words without a gap
 
 
 @dataclass(frozen=True)
@@ -37,23 +37,23 @@ class PlannedSecond:
     take: str
     clip: int  # index in the repertoire
     clip_start_s: float  # in the take
-    segment_second: int  # when its warped segment entered the graph
+    segment_second: int  # the second at which its warped segment was inserted into the graph
     offset: int  # 0 … 3, quarter of that segment
     source_times_s: tuple[float, ...]  # 21 times of the take, at the 20 fps frames and the second's end
-    start_s: float  # when it takes over from another take: near `second`, or at it within a take
-    transition_s: float  # length of that transition: inertial to each side, linear in all
+    start_s: float  # when it replaces another take, near `second`, or `second` within a take
+    transition_s: float  # length of that transition, to each side if inertial, in all if linear
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
     credits: Credits
 
 
 @dataclass(frozen=True)
 class PlannedWord:
-    """One motion word of the dance, from beat to beat, at an even speed."""
+    """One motion word of the dance, from beat to beat, at constant speed."""
 
     start_s: float  # in the dance
     end_s: float
-    motif: int  # wanted, or 0 where a part of another dance is kept
-    take: str  # empty if a network dances it, or it is kept of another dance
+    motif: int  # the planned motif, or 0 where a part of another dance is kept
+    take: str  # empty if a network dances it, or if it is kept from another dance
     source_start_s: float  # in the take
     source_end_s: float
     credits: Credits
@@ -63,7 +63,7 @@ class PlannedWord:
 
 @dataclass(frozen=True)
 class Block:
-    """One part of one take, and from when to when it is danced."""
+    """One part of one take, and its time in the dance."""
 
     start_s: float  # in the dance
     end_s: float
@@ -84,11 +84,12 @@ class Block:
 
 @dataclass(frozen=True)
 class Plan:
-    """A whole dance as decisions: render it again with `choreograph dance --plan`.
+    """The decisions of a whole dance, which `choreograph dance --plan` renders again.
 
     The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
-    seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. What is
-    kept of another dance is a word, too, of any length. Engines of other packages plan either.
+    seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. A part
+    that is kept from another dance is also a word, of any length. Engines of other packages may plan seconds
+    or words.
 
     Examples
     --------
@@ -117,7 +118,7 @@ class Plan:
     opening_s: float = 0.0  # until then the dance holds its first pose
     closing_s: float | None = None  # from then on it holds its last one. Without it, it dances to the end
     lock_feet: bool = True  # when it is rendered
-    keep_on_stage: bool = True  # by small rotations at transitions
+    keep_on_stage: bool = True  # with small rotations at transitions
 
     def __repr__(self) -> str:
         parts = ", ".join(
@@ -132,20 +133,20 @@ class Plan:
 
     @property
     def danced_until_s(self) -> float:
-        """When the dance closes, or ends if it holds no last pose."""
+        """The time at which the last pose is held, or the end of the dance if none is held."""
         return self.duration_s if self.closing_s is None else self.closing_s
 
     @property
     def danced_bars_s(self) -> tuple[float, ...]:
-        """When bars begin between the held poses, or none if the song's bars are not known."""
+        """The beginnings of bars between the held poses, or none if the bars of the song are not known."""
         beats = zip(self.music_beats_s, self.music_beat_numbers, strict=False)  # no numbers without bars
         return tuple(s for s, number in beats if number == 1 and self.opening_s <= s <= self.danced_until_s)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What is danced from when to when, in order: the words, and the seconds where there is no word.
+        """The parts of the dance in order: the words, and the seconds where there is no word.
 
-        The first also holds the first pose, and the last one the last.
+        The first part includes the held first pose, and the last part the held last pose.
         """
         blocks = self.planned_blocks
         danced = [b for b in blocks if b.end_s > self.opening_s and b.start_s < self.danced_until_s]
@@ -156,7 +157,7 @@ class Plan:
 
     @property
     def planned_blocks(self) -> tuple[Block, ...]:
-        """As `blocks`, with what is planned for the time in which poses are held."""
+        """As `blocks`, with the parts planned for the time in which poses are held."""
         blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
         start_s = np.array([second.start_s for second in self.seconds])
         bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
@@ -176,7 +177,7 @@ class Plan:
 
     @property
     def kept_spans_s(self) -> tuple[tuple[float, float], ...]:
-        """From when to when another dance is kept, in order. Spans that touch are one."""
+        """The spans kept from another dance, in order. Spans that touch are joined."""
         spans: list[tuple[float, float]] = []
         for word in self.words:
             if word.kept and spans and word.start_s - spans[-1][1] <= _TOUCH_S:
@@ -186,7 +187,7 @@ class Plan:
         return tuple(spans)
 
     def takes_s(self) -> dict[str, float]:
-        """Take, or dance kept of -> seconds of the dance that are from it, in order of first appearance."""
+        """Seconds of the dance by take or kept dance, in order of first appearance."""
         danced: dict[str, float] = {}
         for block in self.blocks:
             danced[block.source] = danced.get(block.source, 0.0) + block.end_s - block.start_s
@@ -202,7 +203,7 @@ class Plan:
         return json.dumps({"format": FORMAT, "version": VERSION, **asdict(self)}, indent=1) + "\n"
 
     def check(self) -> None:
-        """Raise `ParameterError` or `FormatError` unless the plan, edited or not, is one as of a file."""
+        """Raise `ParameterError` or `FormatError` unless the plan, edited or not, is as valid as a file's."""
         try:
             text = self.to_json()
         except (TypeError, ValueError, RecursionError) as error:
@@ -239,7 +240,7 @@ class Plan:
         return cls.from_json(read_text(as_path("a plan", path), "a plan file"), name=str(path))
 
     def _faults(self) -> Iterator[str]:
-        """What makes the plan unusable, one line each."""
+        """The faults of the plan, one line each."""
         if self.start_s < 0:
             yield f"expected a start_s of 0 or more, got {self.start_s}"
         if not _ENGINE_NAME.fullmatch(self.engine):
@@ -329,7 +330,7 @@ def _source_s(second: PlannedSecond, at_s: float) -> float:
 
 
 def _of_this_version(data: Any, name: str) -> dict[str, Any]:
-    """The fields of a plan's JSON. Raises `FormatError` if it is no plan, or one of another version."""
+    """The fields of a plan's JSON. Raises `FormatError` if it is not a plan of this version."""
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise FormatError(f"{name}: expected a {FORMAT}, got {reprlib.repr(data)}")
     version = data.get("version")

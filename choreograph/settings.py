@@ -1,4 +1,4 @@
-"""Settings of a dance, read from TOML, and those that together are ChoreoGraph's method as published."""
+"""Settings of a dance, also from TOML files, and the settings of ChoreoGraph as published."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
     text = read_text(path, "a config (TOML)")
     try:
         data = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # an integer of too many digits is no TOMLDecodeError
+    except (ValueError, RecursionError) as error:  # an integer of too many digits is not a TOMLDecodeError
         raise FormatError(f"{path}: expected a config (TOML), could not read it: {error}") from error
     if not isinstance(data.get("weights", {}), dict):
         got = reprlib.repr(data["weights"])
@@ -231,7 +231,7 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
     return {name: float(given.get(name, DEFAULT_WEIGHTS.get(name, 1.0))) for name in names}
 
 
-# ChoreoGraph's method as published: the settings of a build and of a dance that together are it.
+# ChoreoGraph's method as published, as the settings of a build and of a dance.
 #
 # Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig` or `DanceConfig`. This module
 # only lists them. By section of the paper:
@@ -266,9 +266,9 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 # - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire
 
 
-METHOD = "published"  # what the provenance of its repertoires begins with
+METHOD = "published"  # begins the provenance of its repertoires
 PAPER_EPOCHS = 10_000
-# Of all networks: with half an hour of takes, one CPU core takes four minutes, or half an hour.
+# Epochs of all networks. With half an hour of takes, they take one CPU core four minutes, or half an hour.
 EPOCHS = {"tiny": 10, "small": 100, "paper": PAPER_EPOCHS}
 
 _ADAM = {"batch_size": 16, "learning_rate": 1e-4, "weight_decay": 0.0, "schedule": "constant"}
@@ -313,7 +313,7 @@ def published_dance(**changes: Any) -> DanceConfig:
 
 
 def scaling(preset: str) -> str:
-    """What a preset scales down of the networks and their training, in words."""
+    """The sizes and training lengths that a preset scales down, in words."""
     paper, ours = (density_config(name) for name in ("paper", preset))
     if preset == "paper":
         return "at full size"

@@ -1,4 +1,4 @@
-"""`choreograph build-db`: takes and their songs to a repertoire."""
+"""`choreograph build-db`, which builds a repertoire from takes and their songs."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     short_help="Build a repertoire from takes and their songs.",
     epilog=examples(
         "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
-        "choreograph build-db takes/ --check                        what would be read, and why not",
+        "choreograph build-db takes/ --check                        which files would be read, and why not",
         "choreograph build-db takes/ -o rep.h5 --resume             continues a build that was stopped",
-        "choreograph build-db dance-with-melody/ choreonet/ -o rep.h5   takes, counted by the other's lists",
-        "choreograph build-db aist/motions -o rep.h5 --preset tiny  quick, to try it out",
+        "choreograph build-db dance-with-melody/ choreonet/ -o rep.h5   with the counts of both",
+        "choreograph build-db aist/motions -o rep.h5 --preset tiny  a fast first try",
         "choreograph build-db new/ -o rep.h5 --init-from old.h5     starts from trained networks",
     ),
 )
@@ -79,7 +79,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 )  # fmt: skip
 @optgroup.option(
     "--map", "map_path", type=_FILE,
-    help="Which bone is which in the takes, as `retarget --save-map` writes it (.json).",
+    help="Map of the bones of the takes, as written by `retarget --save-map` (.json).",
 )  # fmt: skip
 @optgroup.group("Networks")
 @optgroup.option(
@@ -188,6 +188,6 @@ def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> N
 
 
 def _shown(path: Path) -> str:
-    """The path from the current folder, if it is there."""
+    """The path relative to the current folder, if it is inside."""
     here = Path.cwd()
     return str(path.relative_to(here) if path.is_relative_to(here) else path)

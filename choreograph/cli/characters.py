@@ -1,4 +1,4 @@
-"""`choreograph convert` and `choreograph retarget`: motions to other files and onto characters."""
+"""`choreograph convert` and `choreograph retarget`, which write motions to other formats and characters."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
 NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "rigify")
 RESTS: tuple[RestPose, ...] = ("t", "a")
-UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, of which a metre has so many
+UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, with their number per metre
 
 
 def bvh_options(command: AnyCommand) -> AnyCommand:
@@ -45,7 +45,7 @@ def bvh_options(command: AnyCommand) -> AnyCommand:
 
 
 def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_place: bool) -> BvhOptions:
-    """How .bvh files are written."""
+    """The options of .bvh files."""
     from choreograph.formats.bvh import BvhOptions
 
     return BvhOptions(UNITS[units or "cm"], naming=naming or "smpl", in_place=in_place, rest=rest)
@@ -53,7 +53,7 @@ def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_p
 
 @click.command(
     cls=Command,
-    short_help="A motion to a file of another format.",
+    short_help="Convert a motion to another format.",
     epilog=examples(
         "choreograph convert take.bvh take.glb     a body that moves, for Blender, Unreal, Godot, the web",
         "choreograph convert recording.c3d take.bvh",
@@ -63,7 +63,7 @@ def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_p
 @click.argument("motion", type=_FILE)
 @click.argument("output", type=_FILE)
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
-@click.option("--map", "map_path", type=_FILE, help="Which bone of MOTION is which (.json).")
+@click.option("--map", "map_path", type=_FILE, help="Map of the bones of MOTION (.json).")
 @bvh_options
 def convert(
     motion: Path,
@@ -77,7 +77,7 @@ def convert(
 ) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT.
 
-    .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx, by its suffix.
+    The suffix selects the format: .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx.
     """
     from choreograph.formats import writers
     from choreograph.formats.bvh import BvhWriter
@@ -100,7 +100,7 @@ def convert(
 
 @click.command(
     cls=Command,
-    short_help="A motion onto a character.",
+    short_help="Retarget a motion to a character.",
     epilog=examples(
         "choreograph retarget dance.bvh hero.glb -o out.glb",
         "choreograph retarget dance.bvh hero.glb -o out.glb --save-map map.json   which bones were found",
@@ -112,16 +112,16 @@ def convert(
 @click.option(
     "-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb or .fbx)."
 )
-@click.option("--map", "map_path", type=_FILE, help="Which bone is which, as --save-map writes it (.json).")
-@click.option("--save-map", type=_FILE, help="Write which bones were found (.json), to be edited.")
+@click.option("--map", "map_path", type=_FILE, help="Map of its bones, as written by --save-map (.json).")
+@click.option("--save-map", type=_FILE, help="Write the map of bones that were found (.json), to be edited.")
 def retarget(
     motion: Path, character: Path, output: Path, map_path: Path | None, save_map: Path | None
 ) -> None:
-    """Put MOTION, a file of any format that build-db reads, onto CHARACTER (.glb, .gltf, .vrm or .fbx)."""
+    """Retarget MOTION, a file of any format that build-db reads, to CHARACTER (.glb, .gltf, .vrm or .fbx)."""
     from choreograph.pipeline.saving import check_outputs, save_on_character
 
     if output.suffix.lower() not in (".glb", ".fbx"):
-        raise unexpected("a .glb or .fbx for the character to move in", str(output))
+        raise unexpected("a .glb or .fbx for the animated character", str(output))
     check_outputs([output])
     check_map_target(save_map)
     check_outputs_apart([output, save_map], named_by=("output", "save_map"))
@@ -150,7 +150,7 @@ def check_map_target(path: Path | None) -> None:
 
 
 def write_map(path: Path | None, character: GltfCharacter | None) -> None:
-    """Write which bones of the character were found, if that is wanted."""
+    """Write the map of bones of the character that were found, if a path is given."""
     from choreograph.motion.bone_map import write_bone_map
 
     if path is not None and character is not None:

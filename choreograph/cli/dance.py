@@ -1,4 +1,4 @@
-"""`choreograph dance`: a song to a dance."""
+"""`choreograph dance`, which makes a dance for a song."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def command(
 
 
 def _maker(asked: DanceOptions, repertoire: Repertoire, variations: int | None) -> Maker:
-    """Makes the dance of a job, or several variations of it."""
+    """Make the dance of a job, or several variations of it."""
     import choreograph as cg
 
     arguments = asked.arguments(repertoire)
@@ -126,7 +126,7 @@ def _maker(asked: DanceOptions, repertoire: Repertoire, variations: int | None) 
 def _renderer(
     plan_path: Path, songs: tuple[Path, ...], repertoire: Repertoire, existing: Path | None
 ) -> Maker:
-    """Renders the plan, with the sound of a song if there is one."""
+    """Render the plan, with the sound of a song if there is one."""
     import choreograph as cg
     from choreograph.pipeline.keeping import render_file
 

@@ -1,4 +1,4 @@
-"""The songs of `choreograph dance` one after another: which files it writes, and what it prints."""
+"""The songs of `choreograph dance` one after another, the files for them, and the printed results."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from choreograph.pipeline.dancing import Dance
     from choreograph.plan import Plan
 
-# Which files `choreograph dance` writes for each song, and the songs danced one after another.
+# The files that `choreograph dance` writes for each song, and the dances to the songs.
 
 
 Outputs = tuple[Path, ...]  # the files of one dance
-SONG = "{song}"  # in a file's name: that of the song, without its suffix
+SONG = "{song}"  # in the name of a file, replaced by the name of the song without its suffix
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Job:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What came of a job: its dances, or why there are none."""
+    """The result of a job: its dances, or the reason why there are none."""
 
     job: Job
     dances: tuple[Dance, ...] = ()
@@ -71,8 +71,8 @@ def with_free_names(
 ) -> tuple[tuple[Job, ...], tuple[str, ...]]:
     """The jobs, renamed where files exist that no dance made here may replace, and notes on these.
 
-    Names that the user `given` stay. The others, made of a song's name, are changed where an input is, or a
-    file that is no dance written here, unless `force`.
+    Names `given` by the user stay. The others, which contain the name of a song, are changed if they are
+    those of an input, or of a file that is not a dance written by this program, unless `force` is set.
     """
     from choreograph.pipeline.saving import is_saved_dance
 
@@ -91,7 +91,7 @@ def with_free_names(
             return outputs
         names = free_names(made, lambda path: file_identity(path) in used or is_kept(path))
         used.update(map(file_identity, names))
-        why = "an input" if file_identity(kept) in read else "no dance that choreograph wrote"
+        why = "an input" if file_identity(kept) in read else "not a dance written by choreograph"
         cure = "" if file_identity(kept) in read else ". Use --force to replace it"
         notes.append(
             f"{kept} is {why} and is kept: the dance is written to {' and '.join(map(str, names))}{cure}"
@@ -122,7 +122,7 @@ def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path
 def run_jobs(
     jobs: Sequence[Job], dances_of: Callable[[Job, ProgressReport], list[Dance]], shown: Stages | StageLines
 ) -> list[Result]:
-    """The jobs' dances. Of several songs, one that cannot be danced does not stop the others."""
+    """The dances of the jobs. If one of several songs cannot be danced, the others still are."""
     if len(jobs) == 1:
         return [Result(jobs[0], tuple(dances_of(jobs[0], shown.report)))]
     results = []
@@ -141,7 +141,7 @@ def _paths(jobs: Sequence[Job]) -> list[Path]:
 
 
 def _name_of(song: Path) -> str:
-    """What stands for a song in the names of files: its name without suffix, unless dots alone remain."""
+    """The name of a song in the names of files: its name without suffix, unless only dots remain."""
     return song.stem if song.stem.strip(".") else song.name
 
 
@@ -164,15 +164,15 @@ def _numbered(outputs: Outputs, variations: int | None) -> tuple[Outputs, ...]:
     )
 
 
-# What `choreograph dance` prints about its dances.
+# The output of `choreograph dance` about its dances.
 
 
 def present(
     results: Sequence[Result], notes: Sequence[str], *, as_json: bool, quiet: bool, looped: bool, many: bool
 ) -> None:
-    """Print the dances: as JSON (a list if `many` or of several songs), a line each, or a table of songs.
+    """Print the dances as JSON (a list if `many` or for several songs), as one line each, or as a table.
 
-    `notes` are on all of them. Raises `ChoreographError` at the end if some of several songs could not be
+    `notes` are about all of them. Raises `ChoreographError` at the end if some of several songs could not be
     danced.
     """
     made = [pair for result in results for pair in _dances(result)]

@@ -1,7 +1,7 @@
-"""The options of `choreograph dance`, in the groups that its `--help` shows.
+"""The options of `choreograph dance`, in the groups of its `--help`.
 
-Settings have no default here: the pipeline must know which were given, and refuses those that the chosen
-engine does not use.
+Settings have no default here, since the pipeline distinguishes those that were given. It raises an error for
+those that the chosen engine does not use.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Options = TypeVar("Options")
-PUBLISHED = "published"  # in place of a file of settings: those of ChoreoGraph as published
+PUBLISHED = "published"  # instead of a file, for the settings of ChoreoGraph as published
 _FILE = click.Path(path_type=Path)
 
 
 class _Planned(GroupedOption):
-    """An option that says what is planned: with --plan, the plan has decided it."""
+    """An option of the planning, which cannot be combined with --plan."""
 
 
 _SOURCES = (
@@ -53,7 +53,7 @@ _CONSTRAINTS = (
     optgroup.option("--genre", cls=_Planned, help="Genre to follow. Default: the nearest one to the song."),
     optgroup.option(
         "--signature", cls=_Planned, type=_FILE,
-        help="Dance each motif as often as this file says. `inspect --signature` writes one.",
+        help="Dance each motif as often as in this file. `inspect --signature` writes one.",
     ),
     optgroup.option(
         "--motifs", cls=_Planned, metavar="FILE|TAKE",
@@ -107,7 +107,7 @@ _SETTINGS = (
         help="TOML file of settings, or those of ChoreoGraph as published. Options and --set replace them.",
     ),
     optgroup.option(
-        "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances: NAME-1.bvh, …"
+        "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."
     ),
 )  # fmt: skip
 
@@ -132,7 +132,7 @@ _OUTPUT = (
         "--click", "with_clicks", is_flag=True, help="Mix a click on each count into the video."
     ),
     optgroup.option(
-        "--force", is_flag=True, help="Replace files that are no dances, where -o gives no name."
+        "--force", is_flag=True, help="Replace files that are not dances, if -o is not given."
     ),
     optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
     optgroup.option(
@@ -160,7 +160,7 @@ def dance_options(command: Command) -> Command:
 
 
 def check_options_with_plan(songs: tuple[Path, ...]) -> None:
-    """Raise `ParameterError` if an option or a song is given that the plan has decided."""
+    """Raise `ParameterError` if an option or a song is given that contradicts the plan."""
     if len(songs) > 1:
         raise ParameterError(f"expected one SONG beside --plan, got {len(songs)}")
     decided = given_options(of_kind=_Planned)
@@ -169,13 +169,13 @@ def check_options_with_plan(songs: tuple[Path, ...]) -> None:
 
 
 def options_of(kind: type[Options], given: dict[str, Any]) -> Options:
-    """The options that a dataclass has fields for."""
+    """The options for the fields of a dataclass."""
     return kind(**{field.name: given[field.name] for field in fields(kind)})  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
 class FileOptions:
-    """The options on the files that are written, and on what is printed."""
+    """The options of the files and of the printed output."""
 
     output: tuple[Path, ...]
     character: Path | None
@@ -195,7 +195,7 @@ class FileOptions:
 
 @dataclass(frozen=True)
 class DanceOptions:
-    """The options on what is danced, and how it is planned."""
+    """The options of the planning."""
 
     start: float | None
     duration: float | None
@@ -217,8 +217,8 @@ class DanceOptions:
     def arguments(self, repertoire: Repertoire) -> DanceArguments:
         """The keywords of `dance`.
 
-        Raises `ParameterError` for text that is no constraint, setting or weight, `FormatError` for a file
-        that cannot be read.
+        Raises `ParameterError` for text that is not a constraint, setting or weight, and `FormatError` for a
+        file that cannot be read.
         """
         from choreograph.choreography.constraints import parse_ban, parse_keep, parse_pin, read_signature
 

@@ -1,4 +1,4 @@
-"""`choreograph evaluate`: measure dances, made here or by any system."""
+"""`choreograph evaluate`, which measures dances of this program or of any other system."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from choreograph.evaluation.variants import KeptDances
 
 _FILE = click.Path(path_type=Path)
-# These are of dances that are made.
+# These options are for dances that the command makes.
 _FOR_SONGS = {
     "--experts", "--judge", "--only", "--resume", "--seeds", "--seen", "--variants",
 }  # fmt: skip
@@ -74,7 +74,7 @@ _FOR_SONGS = {
 @optgroup.option("--duration", type=Seconds(), help="Seconds of each song. Default: to the end.")
 @optgroup.option(
     "--beats", metavar="tempo-path|network|librosa|beat-this|FILE",
-    help="Beats to measure by: a tracker's (tempo-path), a file of times, or a folder of SONG.txt.",
+    help="Beats to measure by: of a tracker (tempo-path), a file of times, or a folder of SONG.txt.",
 )  # fmt: skip
 @optgroup.option(
     "--judge", type=_FILE, metavar="REPERTOIRE",
@@ -85,7 +85,7 @@ _FOR_SONGS = {
 @optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON. - prints it.")
 @optgroup.option(
     "--resume", is_flag=True,
-    help="Go on with an evaluation that was stopped: its dances lie in OUTPUT.dances/ until it is complete.",
+    help="Continue an evaluation that was stopped. Its dances are in OUTPUT.dances/ until it is complete.",
 )  # fmt: skip
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
@@ -106,7 +106,7 @@ def command(
     resume: bool,
     quiet: bool,
 ) -> None:
-    """Measure dances: made with --db to the songs of DIR, or DANCE (BVH, NPZ, …) against its SONG."""
+    """Measure dances that are made with --db to the songs of DIR, or a DANCE (such as a BVH) and its SONG."""
     from choreograph.evaluation.results import to_json
     from choreograph.evaluation.run import EvaluationConfig
     from choreograph.evaluation.songs import find_songs

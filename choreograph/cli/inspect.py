@@ -1,4 +1,4 @@
-"""`choreograph inspect`, `songs` and `settings`: a repertoire's content, the built-in songs, all settings."""
+"""`choreograph inspect`, `songs` and `settings` show a repertoire, the built-in songs, and all settings."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ _N_COMMON = 5  # motifs shown of each genre
 
 @click.command(
     cls=Command,
-    short_help="Show what a repertoire holds.",
+    short_help="Show the content of a repertoire.",
     epilog=examples(
         "choreograph inspect rep.h5",
         "choreograph inspect                     the built-in repertoire",
         "choreograph inspect rep.h5 --json",
-        "choreograph inspect rep.h5 --notes --take W_1       what was unusual about the take W_1",
+        "choreograph inspect rep.h5 --notes --take W_1       notes of the build about the take W_1",
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
-        "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      to be put beside W_1.bvh",
+        "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      counts to place beside W_1.bvh",
     ),
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
@@ -45,10 +45,8 @@ _N_COMMON = 5  # motifs shown of each genre
     "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
-@click.option(
-    "--notes", "with_notes", is_flag=True, help="Print what was unusual in the build, note by note."
-)
-@click.option("--take", metavar="TAKE", help="With --notes: only those on this take.")
+@click.option("--notes", "with_notes", is_flag=True, help="Print all notes of the build.")
+@click.option("--take", metavar="TAKE", help="With --notes: only notes on this take.")
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
 @click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
 @click.option(
@@ -271,7 +269,7 @@ def songs(folder: Path | None, name: str | None, as_json: bool) -> None:
 
 
 def _copied(song: Path, target: Path) -> Path:
-    """The copy of a song, under another name than `target` where that is another file."""
+    """The copy of a song, under another name than `target` if that is another file."""
     [path] = free_names([target], lambda at: os.path.lexists(at) and not _is_copy(at, song))
     if path != target:
         show_notes([f"{target} is another file and is kept: the song is copied to {path}"])
@@ -288,7 +286,7 @@ def _is_copy(path: Path, song: Path) -> bool:
 @click.command(
     cls=Command,
     epilog=examples(
-        "choreograph settings                    what each setting does, with its default",
+        "choreograph settings                    explains each setting, with its default",
         "choreograph settings selection          only this one",
         "choreograph settings weights            the weights of the costs, with their defaults",
         "choreograph settings --build            the settings of build-db",

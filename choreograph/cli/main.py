@@ -1,4 +1,4 @@
-"""`choreograph`: the group of commands, and how errors are shown, unexpected ones included."""
+"""`choreograph`, the group of commands, and the output of errors, including unexpected ones."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ DEBUG_VARIABLE = "CHOREOGRAPH_DEBUG"
 
 
 def report_crash(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-    """A `sys.excepthook`: print in one line what happened and where the traceback is. Status 1 follows.
+    """A `sys.excepthook` that prints the error and the path of the traceback in one line. The status is 1.
 
     The traceback itself is shown if CHOREOGRAPH_DEBUG is set, or if no log can be written.
     """
@@ -76,12 +76,12 @@ def _log_folders() -> list[Path]:
     from platformdirs import user_log_path
 
     folders = [user_log_path("choreograph", appauthor=False)]
-    with suppress(FileNotFoundError):  # no temporary folder can be written
+    with suppress(FileNotFoundError):  # there is no writable temporary folder
         folders.append(Path(tempfile.gettempdir()))
     return [folder for folder in folders if folder.is_absolute()]
 
 
-# `choreograph`: the group of commands, and how errors are shown.
+# `choreograph`, the group of commands, and the output of errors.
 
 
 _COMMANDS = {
@@ -131,7 +131,7 @@ class _Commands(click.Group):
 
 @contextmanager
 def _printable_usage() -> Iterator[None]:
-    """Make click's own messages, which quote what was typed, printable lines."""
+    """Make the messages of click, which quote the command line, printable lines."""
     try:
         yield
     except click.ClickException as error:
@@ -156,14 +156,14 @@ def main() -> None:
 
 
 class _Notes(logging.Handler):
-    """Shows what the library logs as notes."""
+    """Shows the log of the library as notes."""
 
     def emit(self, record: logging.LogRecord) -> None:
         show_notes([record.getMessage()])
 
 
 def run() -> None:
-    """The program: `main`, with the library's warnings as notes, and the unexpected in one line."""
+    """The program: `main`, with warnings of the library as notes and unexpected errors in one line."""
     sys.excepthook = report_crash
     logging.getLogger("choreograph").addHandler(_Notes())
     main(prog_name="choreograph")

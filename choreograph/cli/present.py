@@ -1,4 +1,4 @@
-"""What commands share: kinds of options, notes on stderr, progress bars, examples in their help."""
+"""Functions shared by commands: kinds of options, notes on stderr, progress bars, examples in help."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 else:
     _Floats = click.ParamType  # not generic in every click
 
-# What commands show: lines, tables and notes, progress bars, examples in their help.
+# The output of commands: lines, tables and notes, progress bars, examples in their help.
 #
-# What is printed for people goes through `say`, or through `printable` to a `table_console`: names of files,
-# takes and joints may come from untrusted files and hold control characters.
+# Text for people is printed by `say`, or by `printable` and a `table_console`, because names of files, takes
+# and joints may come from untrusted files and contain control characters.
 
 
 MAX_LINE = 300  # characters of a printed line
@@ -73,7 +73,7 @@ def table_console(width: int = MAX_LINE) -> Console:
 
 
 def examples(*lines: str) -> str:
-    """Example lines for a command's help, which click must not wrap."""
+    """Example lines for the help of a command, which click does not wrap."""
     return "\b\n" + "\n".join(["Examples:", *(f"  {line}" for line in lines)])
 
 
@@ -85,7 +85,7 @@ class Stages:
         self._bars: dict[str, Any] = {}
 
     def report(self, stage: str, done: int, total: int, detail: str = "") -> None:
-        """Move a stage's bar to `done` of `total` (0: not known)."""
+        """Move the bar of a stage to `done` of `total`, which is 0 if it is not known."""
         if stage not in self._bars:
             self._bars[stage] = self._progress.add_task(stage, total=total or None, detail="")
         self._progress.update(
@@ -101,7 +101,7 @@ class StageLines:
     """A line on stderr for each report, `STAGE DONE/TOTAL`, for a program that runs this one."""
 
     def report(self, stage: str, done: int, total: int, detail: str = "") -> None:
-        """Print how much of a stage is done, of `total` (0: not known)."""
+        """Print the progress of a stage, `done` of `total`, which is 0 if it is not known."""
         say(f"{stage} {done}/{total}", err=True)
 
 
@@ -120,7 +120,7 @@ def stages(*, quiet: bool) -> Iterator[Stages]:
         yield Stages(progress)
 
 
-# Options that commands share: given once, times, names from files, and which files an option is for.
+# Options shared by commands: options given once, times, names from files, and the formats of an option.
 
 
 # Options of the command line by the option of `Dance.save` that they are for.
@@ -135,7 +135,7 @@ _NAMES_OR_FILES = {"beats", "config", "motifs", "signature"}  # options that tak
 
 
 class Command(click.Command):
-    """A command that refuses an option given twice, unless it is one to repeat: click takes the last."""
+    """A command that raises an error for a repeated option, unless it is repeatable. Click uses the last."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         _, _, given = self.make_parser(ctx).parse_args(list(args))
@@ -171,7 +171,7 @@ def given_options(*, of_kind: type[click.Option] = click.Option) -> list[str]:
 
 
 def given_settings(cls: type, options: Mapping[str, Any], assigned: Sequence[str]) -> dict[str, Any]:
-    """The settings of a class that were given: by options, those that are not None, and by --set.
+    """The settings of a class that were given by options, which are then not None, or by --set.
 
     Raises `ParameterError` for one that was given both ways, and as `core.settings.from_texts`.
     """
@@ -183,10 +183,10 @@ def given_settings(cls: type, options: Mapping[str, Any], assigned: Sequence[str
 
 
 def input_files(*, except_for: Collection[str], with_songs: Collection[str] = ()) -> list[Path]:
-    """The files and folders that the running command is to read, and those read with them.
+    """The files and folders that the running command reads.
 
-    That is what its arguments and options name, but for those that name outputs, `except_for`. `with_songs`
-    may name a motion file that is read with the song beside it.
+    They are the paths in its arguments and options, except the outputs, `except_for`. The options
+    `with_songs` may name a motion file, with which the song beside it is read as well.
     """
     from choreograph.formats.folder import SongsByName
     from choreograph.formats.register import read_beside
@@ -238,10 +238,10 @@ def names_of(given: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def check_output_options(outputs: Sequence[Path]) -> tuple[str, ...]:
-    """A note on the options given for files that cannot use them, or none if all files use all of them.
+    """A note on the options that some of the files do not use, or none if all files use all of them.
 
-    Raises `ParameterError` for an option that no file uses, and for a character beside USD files, which would
-    hold the mannequin.
+    Raises `ParameterError` for an option that no file uses, and for a character together with USD files,
+    which would contain the mannequin.
     """
     from choreograph.pipeline.saving import format_of, used_by
 

@@ -1,4 +1,4 @@
-"""`choreograph study`: a page on which people rate or compare dances, and the table of their answers."""
+"""`choreograph study`, which writes a page for people to rate or compare dances, and shows the answers."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _FILE = click.Path(path_type=Path)
     ),
 )
 def command() -> None:
-    """Let people rate or compare dances, blinded: write a page for raters, then show their answers."""
+    """Let people rate or compare dances in a blind study: write a page, then show the answers."""
 
 
 @command.command("write", cls=Command, short_help="Write a page for raters.")
@@ -115,7 +115,7 @@ def write(
 @click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON. - prints them.")
 @click.option("-q", "--quiet", is_flag=True, help="No table.")
 def show(study: Path, json_path: str | None, quiet: bool) -> None:
-    """Show the answers in the folder STUDY: means with 95 % intervals, and which variants differ."""
+    """Show the answers in the folder STUDY: means with 95 % intervals, and differences of variants."""
     from choreograph.core.files import atomic_path, check_target
     from choreograph.evaluation.study_results import read_study
 

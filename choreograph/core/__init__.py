@@ -1,4 +1,4 @@
-"""Errors, files, progress, time base, counts, argument checks and small numerics, which all rooms use."""
+"""Errors, files, progress, time base, counts, argument checks and small numerics for all rooms."""
 
 from functools import cache
 from importlib.metadata import entry_points, version

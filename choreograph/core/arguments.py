@@ -1,4 +1,4 @@
-"""Checks of arguments that public functions share.
+"""Checks of arguments, shared by public functions.
 
 Public functions check their arguments once. Kernels do not check them again.
 """

@@ -1,7 +1,8 @@
 """`Counts`, the instants at which a dancer counts 1, 2, 3, their phases, and `Figure`, named choreography.
 
-Counts of a take are where its dancer counts. Counts of a song are its beats. Both have one type, because a
-dance is on the count if its counts lie on those of the song, and count 1 on the downbeat.
+The counts of a take are the instants at which its dancer counts. The counts of a song are its beats. Both
+have one type, because a dance is on the count if its counts lie on those of the song, and count 1 on the
+downbeat.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ class Counts:
 
     @property
     def downbeat_times_s(self) -> Floats:
-        """Times of count 1, (D,) in seconds, none if bars are not known."""
+        """Times of count 1, (D,) in seconds, or none if bars are not known."""
         downbeats_s: Floats = self.times_s[self.numbers == 1]
         return downbeats_s
 

@@ -254,7 +254,7 @@ def read_text(
 ) -> str:
     """The text of a file in UTF-8, in UTF-16 with a byte order mark, or else in the encoding `fallback`.
 
-    Raises `FormatError` as `read_bytes` does, and if the file is not such a text.
+    Raises `FormatError` as `read_bytes` does, and if the file is not text.
     """
     data = read_bytes(path, what, max_bytes=max_bytes)
     is_utf_16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))

@@ -1,15 +1,15 @@
-"""Where compiled kernels are kept between runs, ours and librosa's.
+"""A cache of compiled kernels, ours and those of librosa, that is kept between runs.
 
 numba's own cache is not safe when several processes compile at the same time. Two processes may give two
 compiled functions the same file name, or save the wrapper of a gufunc that calls the inner function by a name
 that only the other process has. A later run then crashes. A damaged file has the same effect. Here an entry
 is one file whose name depends on everything that the code depends on. It is written at once and read only if
-its checksum is right. One process compiles at a time, and the others read the result. Where no folder can be
-written, kernels are compiled in every run, and a note says so.
+its checksum is right. One process compiles at a time, and the others read the result. If no folder can be
+written, kernels are compiled in every run, and a note is logged.
 
 numba has no public way to replace the files of its cache, so `kernel_cache` replaces two of its private names
-while functions are decorated. `_why_not_replaced` first checks that they look as they do in the versions that
-this was written for (0.60 to 0.68). With any other numba, nothing is cached, and a note says so.
+while functions are decorated. `_why_not_replaced` first checks that they are as in the supported versions
+(0.60 to 0.68). With any other numba, nothing is cached, and a note is logged.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def njit(**options: Any) -> Callable[[Callable[_Parameters, _Result]], Callable[
 
 @contextmanager
 def kernel_cache() -> Iterator[None]:
-    """Caches here what the block defines with numba's `cache=True`: librosa is imported in such blocks."""
+    """Caches the functions that the block defines with numba's `cache=True`, such as those of librosa."""
     with _patching:
         why_not = _why_not_replaced()
         if why_not is None:
@@ -93,7 +93,7 @@ def kernel_cache() -> Iterator[None]:
 
 @lru_cache(maxsize=1)
 def _why_not_replaced() -> str | None:
-    """What is not as expected in numba's private names, or None if all is."""
+    """The first private name of numba that is not as expected, or None if all are."""
     version = f"numba {numba.__version__} is not one of those that are known"
     for path, parameters in _PRIVATE.items():
         found = _private(path)
@@ -106,7 +106,7 @@ def _why_not_replaced() -> str | None:
 
 
 def _private(path: str) -> Any:
-    """What has this name within `numba.core`, or None if there is nothing."""
+    """The object of this name within `numba.core`, or None if there is none."""
     import numba.core.caching
     import numba.core.serialize
     import numba.core.sigutils
@@ -141,7 +141,7 @@ class _Locator:
         return cls(py_func, py_file)
 
     def ensure_cache_path(self) -> None:
-        """Made when an entry is written."""
+        """Does nothing, since the folder is made when an entry is written."""
 
     def get_cache_path(self) -> str:
         """A folder in the cache, for each folder of sources."""
@@ -172,10 +172,10 @@ class _Entries:
         self._subfolder, self._name, self._stamp = cache_path, filename_base, source_stamp
 
     def flush(self) -> None:
-        """No entry is ever out of date: its name would be another."""
+        """No entry is ever out of date, since its name would differ."""
 
     def load(self, key: _Key) -> Any:
-        """What was compiled, or None."""
+        """The compiled code, or None."""
         path = self._path(key)
         if path is None:
             return None
@@ -286,7 +286,7 @@ def _folder() -> Path | None:
 
 
 def _bases() -> list[Path]:
-    """Where to keep entries, best first."""
+    """The folders for entries, best first."""
     from platformdirs import user_cache_path
 
     given = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR
@@ -298,7 +298,7 @@ def _bases() -> list[Path]:
 
 
 def _why_unusable(base: Path, folder: Path) -> str | None:
-    """Why entries cannot be kept in a folder. They are code: others may not be able to write there."""
+    """Why entries cannot be kept in a folder. They are code, so nobody else may be able to write there."""
     if not base.is_absolute():
         return "no home folder"
     try:

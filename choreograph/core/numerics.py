@@ -1,4 +1,4 @@
-"""Numerics that several rooms share: default settings, blocks of frames, distances, interpolation."""
+"""Numerics for several rooms: default settings, blocks of frames, distances, interpolation."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def descendants(parents: NDArray[np.int64], top: int) -> list[int]:
 
 # Zigzag encoding of signed 16-bit integers as unsigned ones: 0, -1, 1, -2 become 0, 1, 2, 3.
 #
-# The high byte of a small number is 0, whatever its sign, so that differences compress well.
+# The high byte of a small number is 0 for both signs, so that differences compress well.
 
 
 def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:

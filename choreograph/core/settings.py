@@ -130,7 +130,7 @@ def described(cls: type) -> tuple[Setting, ...]:
 
 
 def unknown_setting(name: object, names: Iterable[str]) -> ParameterError:
-    """The error to raise for a name that is none of the `names`, with the most similar one."""
+    """The error to raise for a name that is not among the `names`, with the most similar one."""
     near = get_close_matches(str(name), list(names), 1, 0.0)
     return unexpected("the name of a setting", name, f"the most similar one is {near[0]!r}")
 

@@ -28,8 +28,8 @@ SEGMENT_FRAMES = SEGMENT_S * NET_FPS
 CLIP_FRAMES = CLIP_S * NET_FPS
 MIN_SLOPE = 0.5  # of time maps: source frames per output frame
 MAX_SLOPE = 2.0
-WORD_FRAMES = 13  # of a motion word, from beat to beat, whatever its duration
-WORD_FPS = 30.0  # of the positions that words are segmented from
+WORD_FRAMES = 13  # of a motion word of any duration, from beat to beat
+WORD_FPS = 30.0  # of the positions from which words are segmented
 
 
 _CLOCK = re.compile(r"(?:(\d+):(?=[0-5]\d:))?(\d+):([0-5]?\d(?:\.\d*)?)", re.ASCII)  # hours, minutes, seconds

@@ -62,7 +62,7 @@ from choreograph.pipeline.arguments import as_repertoire, as_song
 
 
 _NAMES = {"counts_within": "counts_read_within", "downbeat_share": "downbeat_share_read"}
-_SHORTEST_S = 4.0  # of a motion with counts to be read
+_SHORTEST_S = 4.0  # of a motion whose counts are estimated
 
 
 def read_counts(motion: Motion) -> Counts:

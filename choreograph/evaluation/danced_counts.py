@@ -29,7 +29,7 @@ _BORDERS_WITHIN_S = 1.0  # of a transition: farther borders of figures are anoth
 
 
 def danced_counts(plan: Plan, repertoire: Repertoire) -> Counts:
-    """The counts of the takes danced with, in seconds of the dance.
+    """The counts of the takes of a dance, in seconds of the dance.
 
     Takes without counts contribute none, nor do held poses (before `opening_s`, after `closing_s`). Motion
     from a network has no counts. At a join, where both takes may count the same instant, the

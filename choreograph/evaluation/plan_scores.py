@@ -25,7 +25,7 @@ from choreograph.music.sections import Sections
 from choreograph.plan import Plan
 from choreograph.render.rendering import plan_runs
 
-# Scores of a plan: its transitions, repeats, variety and genre of its takes, and how fast it plays them.
+# Scores of a plan: its transitions, its repeats, and the variety, genre and speed of its takes.
 
 
 _SLOWEST, _FASTEST = 0.5, 2.0  # of a warp, ChoreoGraph, section 3.2

@@ -55,7 +55,7 @@ from choreograph.plan import Plan
 
 @dataclass(frozen=True)
 class EvaluationConfig:
-    """Which variants are compared, how often, and against which beats."""
+    """The variants, seeds and beats of an evaluation."""
 
     variants: tuple[Variant, ...] = field(default_factory=lambda: variants_named(["ours"]))
     seeds: int = 5

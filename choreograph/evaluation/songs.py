@@ -1,4 +1,4 @@
-"""The songs of an evaluation, what dances to them are measured against, and expert dances from files."""
+"""The songs of an evaluation, their beats and sections, and expert dances from files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class EvaluatedSong:
     name: str
     path: Path
     start_s: float = 0.0
-    duration_s: float | None = None  # None: to the end
+    duration_s: float | None = None  # None for the rest of the song
     take: Take | None = None  # the real dance
 
     @property

@@ -33,7 +33,7 @@ Answers = dict[str, dict[str, dict[str, int | str]]]
 
 @dataclass(frozen=True)
 class DanceEntry:
-    """What the page does not show of a dance."""
+    """The data of a dance that the page does not show."""
 
     variant: str
     item: tuple[str, int]  # song, and number among the variant's dances to it

@@ -224,7 +224,7 @@ def track_bars(
     log_mel : float array (T, 96)     of the samples, as `music.mel.log_mel` returns it
     beat_times_s : float array (Q,)   increasing times inside the song
     metres : ints                     metres that the song may have, among `METRES`
-    may_be_one : bool array (Q,)      beats that may be count 1; None: all
+    may_be_one : bool array (Q,)      beats that may be count 1, by default all
 
     Returns
     -------

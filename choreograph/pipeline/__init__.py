@@ -1,1 +1,1 @@
-"""The stages in order: a song and a repertoire to a dance, takes to a repertoire."""
+"""The stages in order, from a song and a repertoire to a dance, and from takes to a repertoire."""

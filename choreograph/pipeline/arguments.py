@@ -1,4 +1,4 @@
-"""Arguments of the public functions, checked: what a caller may give for a song, a repertoire, settings."""
+"""Checks and conversions of the arguments of public functions: songs, repertoires and settings."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.music.song import Song, load_song
 from choreograph.settings import DanceConfig
 
-_SHORTER_S = 0.1  # than asked for, which deserves no note
+_SHORTER_S = 0.1  # largest difference to the requested duration without a note
 
 
 def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
     """The part of a song, or of a song's file, with a note if it is shorter than `duration_s`.
 
-    Raises `ParameterError` unless it is a `Song` or a path, else as `load_song`.
+    Raises `ParameterError` unless it is a `Song` or a path, and the errors of `load_song`.
     """
     if isinstance(song, Song):
         loaded = song.part(start_s, duration_s)
@@ -30,7 +30,7 @@ def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float 
         raise unexpected(f"{what} as a path or a Song", song)
     if duration_s is None or loaded.duration_s > duration_s - _SHORTER_S:
         return loaded
-    note = f"{loaded.name}: {duration_s:g} s were asked for, the song ends after {loaded.duration_s:.2f} s"
+    note = f"{loaded.name}: {duration_s:g} s were requested, the song ends after {loaded.duration_s:.2f} s"
     return replace(loaded, notes=(*loaded.notes, note))
 
 

@@ -1,4 +1,4 @@
-"""`build`: a repertoire from takes, with all that its networks learn from."""
+"""`build`, which makes a repertoire from takes, and the training data of its networks."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def _as_take(plan: Plan, repertoire: Repertoire, song: Path, genre: str, name: s
     return Take(name, motion, Credits(genre=genre), song, song_name=song.stem, counts=counts)
 
 
-# `build`: a repertoire from takes, every setting a keyword.
+# `build`, with every setting as a keyword.
 
 
 DEFAULTS = BuildOptions()
@@ -167,8 +167,8 @@ def build(
     sources : a folder or file of takes, or several
     output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     options : all settings in one object
-    report : called with the stage's name, how much is done, of how much
-    training_report : called with a `TrainingProgress` now and then
+    report : called with the name of the stage, the work done so far, and all the work
+    training_report : called repeatedly with a `TrainingProgress`
     **settings : single settings, which replace those of `options`: any field of `BuildOptions`, such as
         `preset`, `seed` and `leave_out`. `choreograph.settings.published_build` makes those of ChoreoGraph as
         published

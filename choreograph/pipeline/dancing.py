@@ -1,4 +1,4 @@
-"""A song to a dance: analyse the song, resolve the constraints, let an engine plan, render."""
+"""Makes a dance for a song: analyses the song, resolves constraints, plans with an engine, and renders."""
 
 from __future__ import annotations
 
@@ -113,11 +113,11 @@ class Dance:
             `read_character`
         bvh : how a .bvh is written
         loop : write the `loop` of the dance to a motion file
-        report : called with the stage's name, how much is done, of how much
+        report : called with the name of the stage, the work done so far, and all the work
 
         Raises `ParameterError` for another suffix, an option that the format does not use, a folder that does
         not exist, a character whose bones cannot be found or that a page cannot show, or a loop without two
-        bars, `FormatError` if the song or the character cannot be read.
+        bars. Raises `FormatError` if the song or the character cannot be read.
         """
         path = as_path("a file to write", path)
         check_kind("click", click, bool)
@@ -200,8 +200,8 @@ def dance(
     genre : the genre to dance, by its own takes or motifs alone. By default, each part of the song has the
         genre whose takes are nearest to it in style
     signature : (K,) shares of the motifs that the dance should have, by takes that have them
-    motifs : of the dance's words from the first on, or with their times. A whole sequence is danced by the
-        mixer, unless another engine is given
+    motifs : the motifs of the words of the dance, from the first word on, or motifs with their times. A whole
+        sequence is danced by the mixer, unless another engine is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
     keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are danced anew
@@ -210,7 +210,7 @@ def dance(
     start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
         dance, or the whole song
     config : all settings in one object, such as one of `choreograph.settings.published_dance`
-    report : called with the stage's name, how much is done, of how much
+    report : called with the name of the stage, the work done so far, and all the work
     **settings : single settings, which replace those of `config`: any field of `DanceConfig`, such as
         `engine`, `seed`, `fps` and `beats`. `weights` adds to those of `config`
 
@@ -294,7 +294,7 @@ def _danced(
     kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
     report: ProgressReport | None,
 ) -> Dance:
-    """The stages in order, with arguments that are checked."""
+    """The stages in order, with checked arguments."""
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
@@ -357,7 +357,7 @@ def _kept(
     duration_s: float,
     config: DanceConfig,
 ) -> KeptDance:
-    """What is kept of an existing dance. Raises `ParameterError` if that does not fit the new one."""
+    """The kept parts of an existing dance. Raises `ParameterError` if they do not fit the new dance."""
     if existing.motion.fps != config.fps:
         raise ParameterError(
             f"expected the {existing.motion.fps:g} fps of the existing dance, which is kept as it is, got "

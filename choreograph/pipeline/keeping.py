@@ -1,4 +1,4 @@
-"""Dances to a song that was danced before: parts of a dance are kept, or repetitions are avoided."""
+"""Dances to a song that was danced before, which keep parts of a dance or avoid repetitions."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
 from choreograph.render.rendering import render
 
-_SAME_S = 0.5  # parts of a take nearer than this look the same
+_SAME_S = 0.5  # parts of a take that are nearer look the same
 
 
 class AvoidRepeating(Cost):
-    """1 for a node that an earlier dance had in this second: the same take within half a second."""
+    """1 for a node that an earlier dance had in this second, in the same take within half a second."""
 
     name = "unlike"  # in plans
 
@@ -55,7 +55,7 @@ _SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
 
 @dataclass(frozen=True, eq=False)
 class ExistingDance:
-    """A dance that was made before: its motion, and its plan where it is known."""
+    """A dance that was made before: its motion, and its plan if it is known."""
 
     motion: Motion
     plan: Plan | None
@@ -74,10 +74,10 @@ def read_existing(path: str | Path, repertoire: Repertoire) -> ExistingDance:
 def render_file(
     path: str | Path, repertoire: Repertoire, existing: str | Path | None = None
 ) -> tuple[Plan, Motion]:
-    """A plan file and its motion, with the dance of which it keeps parts: `existing`, or as named beside it.
+    """A plan file and its motion, with the dance of which it keeps parts.
 
-    Raises as `read_existing`, and `ParameterError` if the plan keeps parts of a dance that is not found, or
-    of none beside an existing one.
+    This dance is `existing`, or a file of the name in the plan beside it. Raises as `read_existing`, and
+    `ParameterError` if this dance is not found, or if `existing` is given and the plan keeps no parts.
     """
     return _render_file(Path(path), repertoire, None if existing is None else Path(existing), ())
 
@@ -118,10 +118,10 @@ def _read_existing(path: Path, repertoire: Repertoire, readers: tuple[Path, ...]
 
 
 def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
-    """A new dance that keeps parts of another one: its plan, with what it does not meet, and its motion.
+    """A new dance that keeps parts of another one: its plan, its unmet requests, and its motion.
 
-    The new parts rarely end where the kept parts go on, so that they are moved there. Of a few dances with
-    different seeds, the one that is moved the least is taken.
+    The new parts rarely end where the kept parts continue, so they are moved there. Of a few dances with
+    different seeds, the one with the smallest correction is chosen.
 
     Raises as the engine does, and `ParameterError` if the dances are of different skeletons.
     """
@@ -154,14 +154,14 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
 
 
 def _with_kept(plan: Plan, kept: KeptDance) -> Plan:
-    """The plan with what is kept as words, which replace what is planned there."""
+    """The plan with the kept parts as words, which replace the planned parts there."""
     words = [part for word in plan.words for part in _in_gaps(word, kept.stretches)]
     words += [word for keep in kept.stretches for word in _kept_words(keep, kept, plan.duration_s)]
     return replace(plan, words=tuple(sorted(words, key=lambda word: word.start_s)))
 
 
 def _in_gaps(word: PlannedWord, stretches: tuple[Keep, ...]) -> Iterator[PlannedWord]:
-    """The parts of a word that lie in no stretch."""
+    """The parts of a word outside of all stretches."""
     start_s = word.start_s
     for keep in (*stretches, Keep(word.end_s, word.end_s)):
         end_s = min(keep.start_s, word.end_s)
@@ -177,7 +177,7 @@ def _part(word: PlannedWord, start_s: float, end_s: float) -> PlannedWord:
 
 
 def _kept_words(keep: Keep, kept: KeptDance, duration_s: float) -> Iterator[PlannedWord]:
-    """What is kept, with the credits of each take that the existing dance is made of there, if known."""
+    """The kept parts, with the credits of each take of the existing dance there, if known."""
     end_s = min(keep.end_s, duration_s)
     spans = [(keep.start_s, end_s, Credits())]
     if kept.plan is not None:
@@ -193,7 +193,7 @@ def _kept_words(keep: Keep, kept: KeptDance, duration_s: float) -> Iterator[Plan
 def _unmet(
     motion: Motion, plan: Plan, kept: KeptDance, constraints: ResolvedConstraints, repertoire: Repertoire
 ) -> tuple[str, ...]:
-    """A line on each pin and ban that transitions from and to what is kept have broken."""
+    """A line on each pin and ban that is not met because of transitions from and to kept parts."""
     if not constraints.constrains_motifs:
         return ()
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}

@@ -1,4 +1,4 @@
-"""`RolloutStream`: the rollout network dances a song as it plays."""
+"""`RolloutStream`, in which the rollout network dances to a song while it plays."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
 
 
-_MOST_WORDS = 10_000  # that a motif is requested for: an hour of them
+_MOST_WORDS = 10_000  # for which a motif can be requested, about an hour
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class RolloutStream:
     the end of a word. Loudness is relative to the sound so far. No pose is held until the first count, and a
     motif that the network does not show is not tried again.
 
-    Torch gains nothing from threads here: set OMP_NUM_THREADS=1 (or `torch.set_num_threads(1)`).
+    Threads do not make torch faster here. Set OMP_NUM_THREADS=1 (or `torch.set_num_threads(1)`).
 
     Raises `ParameterError` for an unknown genre or invalid settings, `FormatError` for a song that cannot be
     read, `RepertoireError` without motifs or a rollout network.

@@ -30,7 +30,7 @@ from choreograph.plan import Plan
 if TYPE_CHECKING:
     from choreograph.view.page_data import PageCharacter
 
-# What files of dances hold near one of their ends: their generator, a BVH's frame time, the format of a plan.
+# The marks of dances near one end of a file: the generator, the frame time of a BVH, the format of a plan.
 _SAVED_DANCE = re.compile(
     rb"choreograph [\w.+-]{1,32}: a d"  # the compression of .usdc leaves out "ance", which "/Dance" ends in
     rb"|\nMOTION\nFrames: \d+\nFrame Time: \d\.\d{10}" + DANCE_DIGITS.encode() + rb"\n"
@@ -41,7 +41,7 @@ _STRIP_POSES = 40
 
 @dataclass(frozen=True, eq=False)
 class SavedParts:
-    """A dance as its files need it."""
+    """A dance with the data that its files need."""
 
     motion: Motion
     plan: Plan
@@ -93,7 +93,7 @@ def _save_document(path: str | Path, document: GltfDocument) -> None:
 
 
 def output_formats() -> tuple[str, ...]:
-    """The formats that a dance is written in: those of motions, also from other packages, then the others."""
+    """The formats of dances: those of motions, also from other packages, then the others."""
     return (*writers(), *_SAVERS)
 
 
@@ -145,7 +145,7 @@ def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> No
 
 
 def format_of(path: str | Path) -> str:
-    """The format that is written to a path: its suffix, in small letters and without the dot."""
+    """The format that is written to a path: its suffix, in lower case and without the dot."""
     return Path(path).suffix.lower().removeprefix(".")
 
 
@@ -199,7 +199,7 @@ def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) ->
 
 
 def _shown_beats(plan: Plan, duration_s: float) -> NDArray[np.int64]:
-    """Indices of at most `_STRIP_POSES` beats. Where some must be left out, count 1 is among the others."""
+    """Indices of at most `_STRIP_POSES` beats. If some must be left out, count 1 is kept."""
     beats = np.flatnonzero(np.array(plan.music_beats_s) <= duration_s)
     every = max(1, -(-len(beats) // _STRIP_POSES))
     ones = np.flatnonzero(np.array(plan.music_beat_numbers) == 1)
@@ -211,7 +211,7 @@ def _shown_beats(plan: Plan, duration_s: float) -> NDArray[np.int64]:
 
 
 def _labels(plan: Plan) -> list[str]:
-    """What is written under the pose of each beat: its time and its count, or which beat it is."""
+    """The label under the pose of each beat: its time and its count, or its index."""
     if not plan.music_beat_numbers:
         return [f"beat {index + 1} · {time:.1f} s" for index, time in enumerate(plan.music_beats_s)]
     counts = zip(plan.music_beats_s, bars_of(plan.music_beat_numbers), plan.music_beat_numbers, strict=True)

@@ -1,4 +1,4 @@
-"""Several dances for one song that all differ, and the motifs of a dance to be danced again."""
+"""Makes several different dances for one song, and finds the motifs of a dance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
 from choreograph.settings import MAX_VARIATIONS
 
-# Several dances for one song that all differ.
+# Several different dances for one song.
 
 
 _SEEDS = 3  # tried for each variation
@@ -40,10 +40,11 @@ def vary(
     n: int = 3,
     **arguments: Unpack[DanceArguments],
 ) -> list[Dance]:
-    """`n` dances for one song that all differ.
+    """Make `n` different dances for one song.
 
-    `arguments` are the keywords of `dance`. The dances have the seeds from `seed` (or `config`'s) on. With
-    the graph engine, what earlier variations danced in a second costs more in the later ones.
+    `arguments` are the keywords of `dance`. The dances have the seeds from `seed` (or that of `config`) on.
+    With the graph engine, the takes of earlier variations in a second have a higher cost there in later
+    variations.
 
     Raises as `dance`, and `ParameterError` if `n` is below 1 or above 1000, or if so many different dances
     cannot be found.
@@ -75,7 +76,7 @@ def vary(
 
 
 def _content(plan: Plan) -> list[tuple[object, ...]]:
-    """What is danced, without what it cost."""
+    """The parts of a dance without their costs."""
     sources = [(b.start_s, b.planned.take, b.source_start_s, b.source_end_s) for b in plan.blocks]
     return [*sources, *((word.start_s, word.motif) for word in plan.words)]
 
@@ -85,12 +86,12 @@ def _content(plan: Plan) -> list[tuple[object, ...]]:
 
 @default_numerics()
 def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
-    """The motifs of a dance in their order, to be danced again to another song.
+    """The motifs of a dance in order, for a dance to another song.
 
     `take` is the name of a take of the repertoire, or a motion file (or a folder of one take). A file is
     segmented on the beats of the song beside it, or on its motion beats if there is none.
 
-    Raises `ParameterError` if it is neither, or has no motion word, `FormatError` if the file is damaged, and
+    Raises `ParameterError` if it is neither or has no motion word, `FormatError` if the file is damaged, and
     `RepertoireError` without a vocabulary.
 
     Examples

@@ -1,1 +1,1 @@
-"""A plan to its motion: runs of takes, transitions, assembly."""
+"""Renders a plan to motion: runs of takes, transitions, assembly."""

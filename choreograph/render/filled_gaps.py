@@ -1,4 +1,4 @@
-"""Gaps of a dance filled with other motion, and dances that end where they begin."""
+"""Fills gaps of a dance with other motion, and makes dances that end where they begin."""
 
 from __future__ import annotations
 
@@ -20,23 +20,24 @@ from choreograph.motion.motion import Motion
 from choreograph.render.runs import SampledRun, alignment_at
 from choreograph.render.transitions import blend_transition
 
-# Gaps of a dance filled with other motion that meets the kept parts on both sides.
+# Gaps of a dance are filled with other motion that meets the kept parts on both sides.
 #
-# Not in the papers: Rhythm is a Dancer (section 5.5.2) fills gaps between motifs, not between motions.
+# This is not in the papers. Rhythm is a Dancer (section 5.5.2) fills gaps between motifs, not between
+# motions.
 
 
 Frames = tuple[int, int]  # the first, and the one after the last
 
-TRANSITION_S = 0.5  # from a kept part into the filling, and back, all of it within the filling
-_SHIFT_S = 0.1  # of locked feet: with longer ones, the feet of a corrected body would slide
+TRANSITION_S = 0.5  # from a kept part into the filling, and back, within the filling
+_SHIFT_S = 0.1  # of locked feet. With longer shifts, the feet of a corrected body would slide
 _EASE_S = 0.2  # over which the locking of feet begins and ends beside kept parts
 _SMOOTH_S = 0.3  # of the speed by which the correction of the filling is distributed
-_RADIUS_M = 0.3  # a turn of a radian moves the feet about so far
+_RADIUS_M = 0.3  # distance that the feet move in a turn of a radian, about
 _STANDING = 0.05  # share of the mean speed at which a standing body is corrected
 
 
 def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Motion:
-    """`kept` within `stretches`, unchanged, and elsewhere `filling`, placed and blended so that it meets it.
+    """`kept` within `stretches`, unchanged, and elsewhere `filling`, moved and blended to meet it.
 
     Parameters
     ----------
@@ -66,13 +67,13 @@ def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Mot
 
 
 def stretch_frames(spans_s: Sequence[tuple[float, float]], fps: float, n_frames: int) -> list[Frames]:
-    """Spans of a motion of so many frames as frames, each its first and the one after its last."""
+    """Spans of a motion of `n_frames` frames, each as its first frame and the one after its last."""
     pairs = ((seconds_to_frames(start_s, fps), seconds_to_frames(end_s, fps)) for start_s, end_s in spans_s)
     return [(first, min(stop, n_frames)) for first, stop in pairs]
 
 
 def of_length(motion: Motion, n_frames: int) -> Motion:
-    """The motion cut to a number of frames, or with its last pose held to it."""
+    """The motion cut to a number of frames, or extended to it with its last pose."""
     if motion.n_frames >= n_frames:
         return motion.sliced(0, n_frames)
     return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
@@ -159,7 +160,7 @@ def _wrapped(angle_rad: float) -> float:
 
 
 def _progress(run: SampledRun, gap: Frames) -> Floats:
-    """The share of the correction at each frame (T,): 0 up to the gap, 1 from its end on."""
+    """The share of the correction at each frame (T,), 0 up to the gap and 1 from its end on."""
     first, stop = gap
     fps, n_frames = run.motion.fps, len(run.root)
     heading = np.unwrap(heading_rad(run.bodies_m))
@@ -189,17 +190,17 @@ def _with_locked_feet(motion: Motion, gaps: Sequence[Frames]) -> Floats:
     return rot.slerp(motion.local_quat, locked.local_quat, share[:, None])
 
 
-# A dance cut to whole bars that ends where it begins, for games, idle loops and backgrounds.
+# Dances that are cut to whole bars and end where they begin, for games, idle loops and backgrounds.
 
 
 _KEPT_S = 0.5  # after the loop's start, which its end must meet
-_SHORTEST_SHARE = 0.75  # of the bars there are: a shorter loop repeats too soon
+_SHORTEST_SHARE = 0.75  # of all bars. A shorter loop repeats too soon
 _LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A motion whose last frame is its first, and where it was cut from."""
+    """A motion whose last frame is its first, and its place in the dance."""
 
     motion: Motion
     start_s: float  # in the dance

@@ -1,4 +1,4 @@
-"""A plan to its motion: runs assembled, blended at the plan's transitions, ends held, feet locked."""
+"""Renders a plan: assembles runs, blends them at transitions, holds the ends and locks the feet."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from choreograph.render.runs import (
 from choreograph.render.transitions import blend_transition
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
-# The first and the last pose of a dance, held until its first count and from its last one on.
+# The first pose of a dance is held until its first count, and the last pose from its last count on.
 
 
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
@@ -75,7 +75,8 @@ def _eased(since: Floats) -> Floats:
     return since**3 - 0.5 * since**4
 
 
-# All runs of a dance as one motion: sampled from their takes, aligned, and blended at transitions.
+# All runs of a dance become one motion. They are sampled from their takes, aligned, and blended at
+# transitions.
 
 
 def assemble(
@@ -129,7 +130,7 @@ def assemble(
     return motion.sliced(0, min(n_frames, total)), transition_times_s
 
 
-# A plan to its motion: runs sampled from their takes, blended at the plan's transitions, feet locked.
+# Rendering of a plan to its motion.
 
 
 _STEPS = 100  # of its progress
@@ -192,7 +193,7 @@ def render(
 def render_from(
     read_motion: MotionReader, plan: Plan, *, existing: Motion | None = None, report: StepReport | None = None
 ) -> Motion:
-    """As `render`, of a plan that needs no checks, from what reads the takes."""
+    """As `render`, for a plan that needs no checks, with a function that reads takes."""
     runs = plan_runs(plan)
     motion, _ = assemble(
         without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
@@ -214,7 +215,7 @@ def render_from(
 
 
 def _check_existing(plan: Plan, existing: Motion | None) -> None:
-    """Raise `ParameterError` unless the dance that a plan keeps parts of is given, and its rate is right."""
+    """Raise `ParameterError` unless the dance of which a plan keeps parts is given and has its rate."""
     if not plan.kept_of:
         if existing is not None:
             raise ParameterError(
@@ -235,7 +236,7 @@ def _check_existing(plan: Plan, existing: Motion | None) -> None:
 
 
 def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
-    """Raise unless all that a plan does not keep is in a take: see `render`."""
+    """Raise unless all parts of a plan that are not kept are inside takes: see `render`."""
     blocks = [block for block in plan.planned_blocks if not block.kept]
     if not all(block.planned.take for block in blocks):
         raise ParameterError(
@@ -253,7 +254,7 @@ def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
 
 
 def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repertoire) -> Motion:
-    """A generated motion with words of takes, in order of time, in place of what it shows there.
+    """A generated motion, parts of which are replaced by words of takes, in order of time.
 
     The motion after a word continues from where the word ends. Feet are locked again. Raises
     `RepertoireError` if the repertoire lacks a word's take.

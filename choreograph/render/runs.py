@@ -1,4 +1,4 @@
-"""Runs, the parts of takes that are played: sampled, aligned, and kept near the middle of the stage."""
+"""Runs, the parts of takes that are played. They are sampled, aligned and kept near the stage's middle."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from choreograph.motion.motion import Motion
 
 
 STAGE_RADIUS_M = 2.0  # steering grows from none at half this distance to its maximum here
-MAX_STEER_RAD = 0.25  # a transition or word: 14°, which moves the feet by about 3 cm
+MAX_STEER_RAD = 0.25  # per transition or word, 14°, which moves the feet by about 3 cm
 
 
 def steer_rad(pos_m: Floats, travel_m: Floats) -> float:
     """Extra rotation that bends the path ahead (3,) from a position (3,) towards the middle of the stage.
 
-    Takes that each lead forward would otherwise leave the stage. The transition smooths the rotation.
+    Without it, takes that all lead forward would leave the stage. The transition smooths the rotation.
     """
     if np.linalg.norm(travel_m) < 0.1:
         return 0.0
@@ -36,10 +36,10 @@ def steer_rad(pos_m: Floats, travel_m: Floats) -> float:
     return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD) * need)
 
 
-# Runs: which part of which take is played from when to when, without a transition.
+# Runs: parts of takes with their time in the dance, without a transition inside.
 
 
-_SAME_INSTANT_S = 2e-3  # parts of a take that meet this closely need no transition
+_SAME_INSTANT_S = 2e-3  # largest gap between two parts of a take that need no transition
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class Run:
 
 @dataclass(frozen=True)
 class TransitionTiming:
-    """When a run takes over from the one before, and how long the transition takes."""
+    """The time at which a run replaces the one before it, and the length of the transition."""
 
     start_s: float  # of the dance
     transition_s: float | None = None  # see `Run`
@@ -180,7 +180,7 @@ def _knots_s(start_s: float, stop_s: float) -> Floats:
     return np.linspace(start_s, stop_s, max(2, round((stop_s - start_s) * NET_FPS)) + 1)
 
 
-# A run sampled at the dance's frame rate, and aligned with the run before it.
+# Runs are sampled at the frame rate of the dance and aligned with the run before them.
 
 
 # take, first and last time wanted -> motion around them and the time of its first frame
@@ -193,8 +193,8 @@ class SampledRun:
 
     motion: Motion  # any part of the take: for skeleton and joint roles
     first_frame: int  # dance frame of row 0, negative in the margin before the dance
-    start: int  # dance frame at which the run starts,
-    stop: int  # and the one after its last
+    start: int  # dance frame at which the run starts
+    stop: int  # dance frame after its last one
     root: Floats  # (T, 3)
     quat: Floats  # (T, J, 4)
     locked: bool  # as in `Run`
@@ -235,7 +235,7 @@ def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> 
 
 
 def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple[float, Floats]:
-    """Rotation about Y and shift (3,) that place `sampled` where `previous` stands and faces at a frame."""
+    """Rotation about Y and shift (3,) that move `sampled` to place and heading of `previous` at a frame."""
     before, after = previous.body_at(frame), sampled.body_at(frame)
     yaw_rad = float(heading_rad(before) - heading_rad(after))
     return yaw_rad, _shift_m(before, after, yaw_rad)
@@ -244,7 +244,7 @@ def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple
 def align_to(
     previous: SampledRun, sampled: SampledRun, fps: float, *, keep_on_stage: bool = True
 ) -> SampledRun:
-    """`sampled`, moved to where `previous` stands and faces at its start, and steered towards the stage."""
+    """`sampled`, moved to place and heading of `previous` at its start, and steered towards the stage."""
     yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
     if not keep_on_stage:
         return sampled.moved(yaw_rad, shift_m)

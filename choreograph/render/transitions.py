@@ -1,4 +1,4 @@
-"""Transitions from one run to the next: when they happen, how long they take, and the blend itself."""
+"""Transitions from one run to the next: their times, their lengths, and the blend."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from choreograph.motion import rotations as rot
 from choreograph.render.runs import MotionReader, Run, SampledRun, TransitionTiming, alignment_at, sample_run
 from choreograph.settings import TRANSITION_LENGTHS_S
 
-# From one run to the next: a crossfade, or an offset that decays (inertialization).
+# The blend from one run to the next: a crossfade, or an offset that decays (inertialization).
 
 
-_BLENDED_SHARE = 0.5  # of a run may be blended at either end, so that its middle stays as recorded
-_MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, by its mean speed
-_RATE_S = 0.4  # longest decay of a difference of velocity: with a longer one, limbs swing further
-_MAX_SWING = 0.1  # m or rad: limit of the swing by a difference of acceleration
-_SWING_OF_ACCELERATION = 0.01728  # of a T²: the peak of t² / 2 (1 - t / T)³ a
+_BLENDED_SHARE = 0.5  # of a run that may be blended at either end, so that its middle stays as recorded
+_MINIMUM_JERK_PEAK = 1.875  # speed in the middle of a minimum-jerk path, relative to its mean speed
+_RATE_S = 0.4  # longest decay of a difference of velocity. With a longer one, limbs swing further
+_MAX_SWING = 0.1  # m or rad, limit of the swing by a difference of acceleration
+_SWING_OF_ACCELERATION = 0.01728  # of a T², the peak of t² / 2 (1 - t / T)³ a
 _FORWARDS = np.array([1.0, 1.0, 1.0])
-_BACKWARDS = np.array([-1.0, 1.0, -1.0])  # backwards in time the first derivative changes its sign
+_BACKWARDS = np.array([-1.0, 1.0, -1.0])  # backwards in time, the first derivative changes its sign
 
 
 def crossfade(a_root: Floats, a_quat: Floats, b_root: Floats, b_quat: Floats) -> tuple[Floats, Floats]:
@@ -42,8 +42,9 @@ def inertial_offsets(
     """The offset from b to a, with its first and second time derivative: (3, 3) and (3, J, 3).
 
     The arguments are the three frames around the transition, (3, 3) and (3, J, 4). Row 0 of a result is
-    the offset (metres, rotation vector), row 1 its rate per second, row 2 per second². A turn changes as what
-    is left of it does once b has been turned by its part and a by the rest: small however far apart they are.
+    the offset (metres, rotation vector), row 1 its rate per second, and row 2 that per second². The
+    derivatives of a rotation are those of the remaining offset after b and a have been rotated towards each
+    other, which is small even if they are far apart.
     """
     turn = rot.to_rotvec(rot.multiply(a_quat[1], rot.invert(b_quat[1])))  # (J, 3)
     back_a, back_b = rot.from_rotvec((part_b - 1.0) * turn), rot.from_rotvec(-part_b * turn)
@@ -77,11 +78,11 @@ def decay_offset(offset: Floats, times_s: Floats, length_s: float) -> Floats:
 
 
 def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared: bool) -> Floats:
-    """How an offset (..., 3) between two motions of the same velocity comes to rest: values (T, ..., 3).
+    """The decay of an offset (..., 3) between two motions of the same velocity, values (T, ..., 3).
 
     If both sides share the offset, they pass the transition at full speed, on the minimum-jerk path across
-    both (Flash and Hogan, 1985). At rest there, as a single side must be, a dance would have a motion beat
-    at every transition that no dancer made.
+    both (Flash and Hogan, 1985). A single side must come to rest there. If both did, a dance would have an
+    additional motion beat at every transition.
     """
     zero = np.zeros_like(distance)
     rate = -_MINIMUM_JERK_PEAK * distance / length_s if shared else zero
@@ -91,7 +92,7 @@ def decay_distance(distance: Floats, times_s: Floats, length_s: float, *, shared
 def decay_rate(
     rate: Floats, acceleration: Floats, times_s: Floats, length_s: float, *, shared: bool
 ) -> Floats:
-    """How an offset of zero with a rate and an acceleration (..., 3) comes to rest: values (T, ..., 3).
+    """The decay of an offset of zero with a rate and an acceleration (..., 3), values (T, ..., 3).
 
     A side that starts at zero swings by 0.2 rate × time, which stretches legs beyond straight. If both sides
     share the offset, they start from the same value against the rate, so that the path cuts the corner
@@ -103,7 +104,7 @@ def decay_rate(
     if not shared:
         return decay_offset(np.stack([zero, rate, bend]), times_s, length_s)
     d = min(length_s, _RATE_S)
-    # Half way between the quintic held at zero and -rate d / 3 (1 - t / d)³, which does not swing at all.
+    # Halfway between the quintic held at zero and -rate d / 3 (1 - t / d)³, which does not swing at all.
     corner = np.stack([-rate * d / 6, rate, -rate / d])
     return decay_offset(corner, times_s, d) + decay_offset(np.stack([zero, zero, bend]), times_s, length_s)
 
@@ -130,7 +131,7 @@ def blend_transition(
     share = _BLENDED_SHARE / 2 if a.locked and b.locked else _BLENDED_SHARE
     # Frames of each run that may be blended.
     room_a, room_b = (max(1, int(share * n)) for n in (frame - a.start, b.stop - frame))
-    # How much of the offset each side takes: a locked run none of it, unless both are locked.
+    # The share of the offset for each side. It is 0 for a locked run, unless both are locked.
     part_a, part_b = (0.5, 0.5) if a.locked == b.locked else (float(b.locked), float(a.locked))
     last_out = first_out + len(root_out)
     longest = max(1, seconds_to_frames(b.transition_s or TRANSITION_LENGTHS_S[blending][0], fps))
@@ -181,12 +182,12 @@ def _with_offsets(
     return apply_offset(root, quat, *rates)
 
 
-# When a run takes over from the one before, and how long that takes.
+# The time at which each run replaces the one before it, and the length of the transition.
 
 
-_MIN_RUN_S = 0.6  # a run does not become shorter
-# Greatest acceleration by an offset x, times x / T², and by its rate v, times v / T: where two sides share
-# the offset, and where one alone brings it to rest.
+_MIN_RUN_S = 0.6  # least length of a run
+# Greatest acceleration by an offset x, in x / T², and by its rate v, in v / T, if two sides share the offset,
+# and if one side takes all of it.
 _PEAKS_SHARED = 1.45, 2.0
 _PEAKS_ALONE = 5.8, 4.0
 _EASY_M_S2 = 4.0  # limit of acceleration by a transition, small compared with that of dancers
@@ -203,12 +204,12 @@ def time_transitions(
     fixed: Sequence[bool] = (),
     report: StepReport | None = None,
 ) -> list[TransitionTiming]:
-    """When each run takes over from the one before, and how long that takes (N,).
+    """The time at which each run replaces the one before it, and the length of the transition (N,).
 
-    A run takes over at its instant of `joins_s` (N,), a count near its start, if both takes reach that far
-    and neither run becomes shorter than 0.6 s. Otherwise, or if it is `fixed` (N,), it takes over at its
-    start. An inertial transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph
-    changes takes on the second.
+    A run begins at its instant of `joins_s` (N,), a count near its start, if both takes are long enough and
+    neither run becomes shorter than 0.6 s. Otherwise, or if it is `fixed` (N,), it begins at its start. An
+    inertial transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes
+    takes on the second.
     """
     starts = [runs[0].start_s] if runs else []
     for index, (before, after) in enumerate(pairwise(runs), start=1):

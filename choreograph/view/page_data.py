@@ -123,7 +123,7 @@ def bundle_scripts(modules: Sequence[str]) -> str:
 
 
 def to_script_json(data: Any) -> str:
-    """JSON that cannot end its script element, whatever the names of takes contain."""
+    """JSON that cannot end its script element, with any names of takes."""
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
@@ -136,8 +136,8 @@ def fill_template(template: str, **parts: str) -> str:
 
 # The mannequin, or a character that three.js draws.
 #
-# Each has its own renderer in `page/`, with the same methods, and its own data. Only the page of a character
-# contains three.js. `page/three/` has the bundle and the files to make it.
+# Both have their own renderer in `page/`, with the same methods, and their own data. Only the page of a
+# character contains three.js. `page/three/` has the bundle and the files to make it.
 
 
 _MAX_CHARACTER_BYTES = 100_000_000  # decoded by browsers in some seconds, also on phones
@@ -184,7 +184,7 @@ def mannequin_body(motion: Motion) -> PageBody:
 
 
 def character_body(character: PageCharacter, fps: float) -> PageBody:
-    """A character as a GLB, and three.js with its licence. Raises `ParameterError` as below."""
+    """A character as a GLB, and three.js with its licence. Raises as `check_page_character`."""
     check_page_character(character.document)
     glb = character.document.to_glb()
     if len(glb) > _MAX_CHARACTER_BYTES:

@@ -18,7 +18,7 @@ GRID = 2  # samples of a pixel along each axis
 TEXEL_M = np.float32(4.2 / 192)  # of the floor's shadow
 NOTHING = -1  # in a buffer of triangle indices
 _BIAS_M = np.float32(0.012)  # a surface closer than this to another casts no shadow on it
-_SHADOW = np.float32(0.3)  # share of the key light that is left in shadows on the body: the source is large
+_SHADOW = np.float32(0.3)  # share of the key light in shadows on the body, since the source is large
 _LINE_M = np.float32(0.006)  # half width of the floor's grid lines
 _GLOSS = np.float32(0.1)
 _WRAP = np.float32(0.25)  # how far the key light reaches around the body, as it does on skin
@@ -72,10 +72,10 @@ def paint_backdrop(
 ) -> None:  # pragma: no cover - compiled
     """Paint the sky, and the floor with its grid and shadow, into `image` (H, W, 3).
 
-    `axes` (3, 3): the camera's unit directions to the right, which is level, up and ahead. `sky` (2, 3):
-    colours at the horizon and overhead. `floor` (2, 3): floor and grid. `shade` (N, N) is the light that the
-    floor loses. Its first texel is at `origin` (x, z). The floor is brightest in its middle, and fades into
-    the horizon away from it.
+    `axes` (3, 3) are the camera's unit directions to the right, which is level, up and ahead. `sky` (2, 3)
+    are the colours at the horizon and overhead, and `floor` (2, 3) those of floor and grid. `shade` (N, N) is
+    the light that the floor loses. Its first texel is at `origin` (x, z). The floor is brightest in its
+    middle, and fades into the horizon away from it.
     """
     height, width, _ = image.shape
     right, up, ahead = axes[0], axes[1], axes[2]
@@ -134,11 +134,11 @@ def shade_mesh(
 ) -> None:  # pragma: no cover - compiled
     """Blend the mesh's samples into `image` (H, W, 3), which has `GRID` × `GRID` samples a pixel.
 
-    `owners` (H · GRID, W · GRID) are the samples' triangles. `vertices` (5, V, 3): places on the screen and
-    inverse depths, places in the world, normals, places in the key light's view, colours. `lights` (3, 3):
-    unit directions to key, fill and back light. `tints` (5, 3): their colours, then the light from overhead
-    and the light off the floor. `key_map` (N, N): the nearness in metres to the key light of the nearest
-    surface that faces away from it. What lies behind gets little key light.
+    `owners` (H · GRID, W · GRID) are the triangles of the samples. `vertices` (5, V, 3) are positions on the
+    screen with inverse depths, positions in the world, normals, positions in the view of the key light, and
+    colours. `lights` (3, 3) are unit directions to key, fill and back light. `tints` (5, 3) are their
+    colours, the light from overhead and the light from the floor. `key_map` (N, N) is the nearness in metres
+    to the key light of the nearest surface that faces away from it. Surfaces behind it get little key light.
     """
     screen, points, normals, seen_by_key, colours = (
         vertices[0], vertices[1], vertices[2], vertices[3], vertices[4],
@@ -160,7 +160,7 @@ def shade_mesh(
                 continue
             pixel = image[row, column]
             pixel *= one - np.float32(covered) * share
-            # Most pixels lie in one triangle: they are shaded once, at their centre.
+            # Most pixels lie in one triangle and are shaded once, at their centre.
             weight = one if alike else share
             for sample in range(1 if alike else n_samples):
                 sy, sx = sample // GRID, sample % GRID
@@ -187,7 +187,7 @@ def _shares(
 ) -> Vector:  # pragma: no cover - compiled
     """Perspective-correct barycentric coordinates of a place on the screen. They sum to 1.
 
-    `screen` (V, 3): the vertices' places and inverse depths.
+    `screen` (V, 3) are the positions and inverse depths of the vertices.
     """
     one = np.float32(1.0)
     ax, ay = screen[j, 0] - screen[i, 0], screen[j, 1] - screen[i, 1]

@@ -135,7 +135,7 @@ def skinned(mesh: SkinnedMesh, matrices: F32) -> tuple[F32, F32]:
 
 
 def projected(points: F32, eye: F32, axes: F32, focal: np.float32, size: tuple[int, int]) -> F32:
-    """Places x, y on a screen of `size` (width, height), y down, and 1 / depth, 0 behind the camera, (V, 3).
+    """Positions x, y on a screen of `size` (width, height), y down, and 1 / depth, 0 behind it, (V, 3).
 
     `axes` (3, 3) are the camera's, and `focal` is in the screen's unit.
     """
@@ -152,7 +152,7 @@ def projected(points: F32, eye: F32, axes: F32, focal: np.float32, size: tuple[i
 def _draw_mesh(
     image: F32, mesh: SkinnedMesh, vertices: tuple[F32, F32, F32], eye: F32, lights: F32, light: Light
 ) -> None:
-    """Draw the vertices, (V, 3) each: their places on the screen, places in the world, and normals."""
+    """Draw vertices from their positions on the screen and in the world and normals, (V, 3) each."""
     screen, points, _ = vertices
     seen = screen[screen[:, 2] > 0, :2] / kernels.GRID
     if len(seen) == 0:
@@ -213,10 +213,10 @@ def _floor_shade(points: F32, triangles: NDArray[np.int32], key: F32, darkest: f
 def floor_cover(
     points: F32, triangles: NDArray[np.int32], slant: NDArray[np.floating], origin: F32, top_m: float
 ) -> F32:
-    """How much of its light each texel of the floor (N, N) loses to a mesh, 0 to 1, before it is blurred.
+    """The share of light that each texel of the floor (N, N) loses to a mesh, 0 to 1, before it is blurred.
 
-    Points are projected along `slant` (2,): x and z a metre of height. A surface on the floor takes all of
-    the light, one that is `top_m` or more above it takes none.
+    Points are projected along `slant` (2,), which is x and z per metre of height. A surface on the floor
+    blocks all of the light, and one that is `top_m` or more above it blocks none.
     """
     flat = points[:, [0, 2]] + points[:, 1:2] * slant
     strength = 1 - np.maximum(points[:, 1:2], 0.0) / top_m

@@ -198,7 +198,7 @@ class Clicks:
     """
 
     times_s: Sequence[float]  # in the dance
-    numbers: Sequence[int] = ()  # in the bar, of which 1 sounds higher. Without numbers, all sound alike
+    numbers: Sequence[int] = ()  # in the bar. Clicks on 1 are higher. Without numbers, all are equal
 
     def __post_init__(self) -> None:
         times_s = np.asarray(self.times_s, np.float64)

@@ -1,4 +1,4 @@
-"""The dance as an MP4: the mannequin, filmed by a camera that follows it, with the song."""
+"""Writes a dance as an MP4 of the mannequin, with a camera that follows it, and the song."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def write_video(
 
     Parameters
     ----------
-    path : the file to write, atomically, an MP4 whatever its suffix
+    path : the file to write, atomically, which is an MP4 with any suffix
     motion : on any skeleton, with the floor at Y = 0
     song_path : the song file, used at its native rate. None makes a silent video
     start_s : time in the song at the first frame of the motion

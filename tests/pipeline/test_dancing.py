@@ -172,7 +172,7 @@ def test_a_part_of_a_loaded_song_is_that_of_its_file(repertoire, song, loaded_fr
 def test_a_song_shorter_than_asked_for_is_said(repertoire, song):
     for given in (song, cg.load_song(song)):
         made = cg.dance(given, repertoire, candidates=4, start_s=4.0, duration_s=60.0)
-        assert [note for note in made.notes if "60 s were asked for, the song ends after 8.40 s" in note]
+        assert [note for note in made.notes if "60 s were requested, the song ends after 8.40 s" in note]
 
 
 def test_fewer_clips_than_candidates_and_one_genre_only(tmp_path, song):
