@@ -237,7 +237,7 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 # only lists them. By section of the paper:
 #
 # - 3.1: style vectors learned by equation 1 alone, from mel spectrogram and joint positions alone. The 512
-#   clips of least style loss are candidates, whatever their metre or genre
+#   clips of least style loss are candidates, of any metre or genre
 # - 3.2: tempo-densities learned by equations 2 and 3, from raw pairs of music and motion. Segments are played
 #   along the path of subsequence DTW, without smoothing and without regard to counts and beats
 # - 3.3: the cheapest next node by style, completeness and transition, unweighted, with linear blending on the

@@ -248,7 +248,7 @@ def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
     The path is scaled by the length of the legs. The balls of the feet are moved to the scaled positions of
     the dancer's on the ground, and the lowest points of the soles to their scaled height. Otherwise feet of
     another length would slide, and on tiptoe float or sink. The part of the shift that is common to all
-    frames is left out: its height moves the hips, and its position is the stance of the figure.
+    frames is left out. Its height moves the hips, and its position is the stance of the figure.
     """
     scale = _leg_m(figure.skeleton) / _leg_m(dancer.skeleton)
     hips = [[skeleton.index(f"{side}_hip") for side in ("left", "right")]

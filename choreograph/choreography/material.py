@@ -1,4 +1,4 @@
-"""What each part of a dance is made of: the takes of its genre, their counts on the song's, and its goal."""
+"""The material of each part of a dance: the takes of its genre, their counts on the song's, and its goal."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ _SUITS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class SectionGoal:
-    """The goal from one second of the song on, to where the next begins, and the takes that dance it."""
+    """The goal of a part of the song, from one second to the next goal, and the takes that dance it."""
 
     first_second: int
     goal: MotifGoal
     takes: Mask  # (takes,) of the genre or that suit the signature, or all of them
-    genre: str | None = None  # None: the goal is of no genre
+    genre: str | None = None  # None for a goal without a genre
     requested: bool = False
 
     def takes_among(self, allowed: Mask) -> Mask:
-        """The takes (takes,) among those `allowed`. All of these, if there is none."""
+        """The takes (takes,) among those `allowed`, or all of these if there is none."""
         both: Mask = self.takes & allowed
         return both if both.any() else allowed
 
 
 @dataclass(frozen=True, eq=False)
 class Material:
-    """What a dance to one song is made of.
+    """The material of a dance to one song.
 
-    `counts` are what the words of a dance begin on. They are the beats of the song, or where a requested
-    genre has another metre, its counts as they lie on the bars of the song (`counts_on_bars`).
+    The words of a dance begin on `counts`. They are the beats of the song. If a requested genre has another
+    metre, they are its counts on the bars of the song (`counts_on_bars`).
     """
 
     goals: tuple[SectionGoal, ...]  # in order, the first from second 0 on. None without motifs
@@ -61,7 +61,7 @@ class Material:
 
     @property
     def is_requested(self) -> bool:
-        """Whether the user asked for a genre or a signature."""
+        """Whether a genre or a signature is requested."""
         return any(goal.requested for goal in self.goals)
 
     def parts_at(self, times_s: Floats) -> NDArray[np.int64]:
@@ -144,7 +144,7 @@ def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | N
 
 
 def takes_of_genre(repertoire: Repertoire, genre: str) -> Mask:
-    """Which takes (takes,) are of a genre. All of them are of `ALL_GENRES`."""
+    """Which takes (takes,) are of a genre. All takes are of `ALL_GENRES`."""
     return np.array([genre in (take.credits.genre, ALL_GENRES) for take in repertoire.takes])
 
 
@@ -163,7 +163,7 @@ def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
     return float(sum(repertoire.takes[take].duration_s for take in np.flatnonzero(takes)))
 
 
-# The counts of a genre in another metre than the song's, as a dancer lays them on its bars.
+# The counts of a genre in another metre than the song, aligned with the bars of the song as dancers do.
 #
 # A bar of the genre lasts one bar of the song, or half of one, or two of them. If it has fewer counts than
 # there are beats, each count is on a beat, and the first counts are the long ones. A waltz on a bar of four
@@ -171,7 +171,7 @@ def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
 
 
 _BARS_IN_BARS = ((1, 1), (2, 1), (1, 2))  # bars of the genre in bars of the song
-_OTHER_BARS = 0.5  # octaves of tempo that one bar in one bar is worth
+_OTHER_BARS = 0.5  # penalty, in octaves of tempo, of bars that do not last one bar of the song
 
 
 def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
@@ -216,14 +216,14 @@ def _beats_of_counts(n_counts: int, n_beats: int) -> Floats:
 
 
 def counts_of_genre(counts: Counts, repertoire: Repertoire, genre: str) -> tuple[Counts, tuple[str, ...]]:
-    """The counts that a genre is danced on to a song, and a note if these are not the song's."""
+    """The counts on which a genre is danced to a song, and a note if these are not those of the song."""
     return _counts_of_takes(counts, repertoire, takes_of_genre(repertoire, genre), genre)
 
 
 def _counts_of_takes(
     counts: Counts, repertoire: Repertoire, takes: Mask, name: str
 ) -> tuple[Counts, tuple[str, ...]]:
-    """The counts that takes are danced on, and a note if these are not the song's."""
+    """The counts on which takes are danced, and a note if these are not those of the song."""
     of_takes = [repertoire.counts(int(take)) for take in np.flatnonzero(takes)]
     of_takes = [of_take for of_take in of_takes if of_take.has_bars and len(of_take) > 1]
     metres = np.array([of_take.metre for of_take in of_takes], np.int64)

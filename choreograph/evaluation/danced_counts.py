@@ -147,5 +147,5 @@ class CountedDance:
     def from_plan(
         cls, variant: str, song: str, motion: Motion, plan: Plan, repertoire: Repertoire
     ) -> CountedDance:
-        """A dance with the plan it was rendered from: its counts are those of its takes."""
+        """A dance with the plan from which it was rendered. Its counts are those of its takes."""
         return cls(variant, song, motion, danced_counts(plan, repertoire), plan, repertoire)

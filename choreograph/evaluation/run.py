@@ -84,10 +84,10 @@ def evaluate_variants(
     """Dance to held-out songs in every variant with every seed, and measure all dances and the real ones.
 
     `references` are measured as well, for example dances of experts to the same songs. Those to other songs
-    only serve to measure where in the counts dancers of their genre come to rest. `judge` is a repertoire
-    built with another seed. Motifs and signatures are then those of its vocabulary, by its word network,
-    which no cost of the dances is from. Dances that `kept` holds are not made again, and new ones are kept
-    there, so that a stopped evaluation can be resumed.
+    only serve to measure the phases within the count at which their genre has motion beats. `judge` is a
+    repertoire built with another seed. Motifs and signatures are then those of its vocabulary, by its word
+    network, which no cost of the dances is from. Dances that `kept` holds are not made again, and new ones
+    are kept there, so that a stopped evaluation can be resumed.
 
     Raises
     ------

@@ -221,7 +221,7 @@ def check_measurable(motion: Motion, name: str) -> None:
         raise ParameterError(f"{name}: {error}") from None
 
 
-# Where in the count dances come to rest, against the expert dances of their genre.
+# Phases of motion beats within the count, compared with the expert dances of the genre.
 
 
 @dataclass(frozen=True, eq=False)

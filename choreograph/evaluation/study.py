@@ -48,7 +48,7 @@ from choreograph.view.sound import encode_mp4, song_part
 # In Rhythm is a Dancer, section 5.3, 45 observers saw pairs of clips and chose the one that represents the
 # genre better, and marked single clips as recorded or generated. Here both questions are about pairs: which
 # of two dances to one song is more salsa, and which was made by a computer. A forced choice has a known
-# chance level of 0.5, however often a rater answers "real". The paper played no music with the question
+# chance level of 0.5, for any share of "real" answers. The paper played no music with the question
 # about realism. To do the same, write the study without sound.
 
 

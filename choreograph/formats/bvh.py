@@ -275,7 +275,7 @@ class BvhWriter(Writer):
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
         # A root offset of zero is safe for readers that add the position channels to it. A rest pose that was
-        # asked for stands on the floor.
+        # requested stands on the floor.
         offset = skeleton.offsets_m[joint] if joint or self.options.rest else np.zeros(3)
         position = "Xposition Yposition Zposition " if joint == 0 else ""
         rotation = " ".join(f"{axis}rotation" for axis in self.options.order)

@@ -295,5 +295,5 @@ def _frame_rate(frame_time: str) -> float:
         raise FormatError(f"expected a frame time in seconds, got {reprlib.repr(frame_time)}")
     whole = round(1.0 / seconds)
     digits = -int(Decimal(frame_time.replace(",", ".")).as_tuple().exponent)
-    # With fewer than 4 digits 60 and 59.9 look alike. The whole rate is more probable.
+    # With fewer than 4 digits, 60 and 59.9 are the same text. The whole rate is more probable.
     return float(whole) if whole and abs(1.0 / whole - seconds) < 10.0 ** -max(digits, 3) else 1.0 / seconds

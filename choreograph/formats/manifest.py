@@ -270,7 +270,7 @@ def _rows(path: Path) -> Manifest:
 
 
 def _error_in(row: Row, *, is_listed: bool) -> FormatError | None:
-    """The error in a row, or None. `is_listed` tells whether another row names the same take."""
+    """The error in a row, or None. `is_listed` is whether another row names the same take."""
     if not row.cells["name"]:
         return FormatError(f"{row.where}: expected the name of a take, got none")
     if is_listed:

@@ -103,7 +103,7 @@ def head_by_structure(rig: PosedBones, bones: dict[str, int]) -> dict[str, int]:
     if not above:
         return {}
     longest = max(above, key=lambda path: rig.pos[path[-1], 1])
-    # Eyes, jaw and hair hang from the head: it is the first bone without a single child.
+    # The head has eyes, jaw and hair as children, so it is the first bone without a single child.
     top = next((i for i, bone in enumerate(longest) if len(rig.children(bone)) != 1), len(longest) - 1)
     top = max(top, min(1, len(longest) - 1))
     return {"head": longest[top]} | ({"neck": longest[0]} if top else {})

@@ -80,7 +80,7 @@ def _descendants(skeleton: Skeleton) -> list[list[int]]:
 # straight.
 
 
-# Points beside the canonical joints: they determine the rotations of foot and head.
+# Points beside the canonical joints, which determine the rotations of foot and head.
 LANDMARKS = ("left_heel", "right_heel", "left_temple", "right_temple")
 REQUIRED_ROLES = tuple(
     f"{side}_{part}"

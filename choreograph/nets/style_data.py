@@ -245,7 +245,7 @@ def _n_starts(duration_s: float) -> int:
 
 
 def _probability(songs: Sequence[StyleSong], balanced_genres: bool) -> NDArray[np.float64]:
-    """Probabilities of drawing each song or take: all genres, or all segments, are equally likely."""
+    """Probabilities of drawing each song or take, with equally likely genres, or equally likely segments."""
     if balanced_genres:
         genres = np.array([song.genre for song in songs])
         weight = np.array([1.0 / np.sum(genres == genre) for genre in genres])

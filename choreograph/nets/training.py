@@ -223,7 +223,7 @@ class _Run:
         self._start_time = self._saved_time = time.monotonic()
 
     def restore_or_start(self) -> None:
-        """Restore the checkpoint if there is one and it is wanted. Otherwise start an empty log."""
+        """Restore the checkpoint if there is one and `resume` is set. Otherwise start an empty log."""
         if self.checkpoint is None or self.log is None:
             return
         with writing(self.checkpoint):

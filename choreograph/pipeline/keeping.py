@@ -144,7 +144,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
     assert best is not None
     _, result, motion = best
     plan = _with_kept(result.plan, kept)
-    if result.plan.from_takes:  # the motion of the plan that is written, whatever is left out of it
+    if result.plan.from_takes:  # the motion of the plan as it is written
         filled = render(plan, request.repertoire, existing=kept.motion)
     else:
         filled = fill_gaps(existing, motion, kept.frames)

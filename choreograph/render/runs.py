@@ -98,7 +98,7 @@ def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> 
 def words_to_runs(
     takes: Sequence[str], spans_s: Floats, sources_s: Floats, locked: Sequence[bool]
 ) -> list[Run]:
-    """Words grouped into runs: each has its take, its span of the dance (N, 2) and of the take (N, 2).
+    """Words grouped into runs. Each word has its take, its span of the dance (N, 2) and of the take (N, 2).
 
     A word is played at constant speed. Words that follow one another in their take are one run, whose
     speed changes smoothly from word to word.
@@ -183,7 +183,7 @@ def _knots_s(start_s: float, stop_s: float) -> Floats:
 # Runs are sampled at the frame rate of the dance and aligned with the run before them.
 
 
-# take, first and last time wanted -> motion around them and the time of its first frame
+# take, first and last time -> the motion around them and the time of its first frame
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 

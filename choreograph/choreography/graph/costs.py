@@ -315,7 +315,7 @@ class Variety(Cost):
 class Repeat(Cost):
     """1 for an edge that goes back in the same take by less than a clip's length (ours).
 
-    A step back of up to a quarter of a second is free: both sides may contain the same beat.
+    A step back of up to a quarter of a second is free, since both sides may contain the same beat.
     """
 
     min_jump_cost = 0.0

@@ -229,7 +229,7 @@ def _viterbi_step(
             break
         if len(improvable) > _PRUNE_BELOW * following.n_nodes:
             improvable = np.arange(following.n_nodes)
-        # User-defined costs may keep state between calls: only the built-in ones are evaluated in threads.
+        # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
         in_threads = thread_safe and len(block) * len(improvable) > _MIN_EDGES_FOR_THREADS
 
         def improve(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:

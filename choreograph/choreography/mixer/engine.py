@@ -169,7 +169,7 @@ def _rendered(
 
 
 def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
-    """The candidates for another try: without a word that failed, and with a preference for one that did not.
+    """The candidates for another attempt, without a word that failed, and with a preference for the others.
 
     A slot that has a banned motif with every word of its own motif may have any other, unless its motif was
     requested. Raises `NoPathError` if nothing is left where a constraint must hold.

@@ -183,7 +183,7 @@ class CandidatePool:
     def candidates(self, slot: int, motif: int | None) -> Candidates:
         """Words for a slot, of a motif or, if it is None, of every motif that is not banned.
 
-        They are of the wanted takes. If these have none, they are of any take that is not banned.
+        They are from the requested takes, or from any take that is not banned if those have none.
         """
         constraints, v = self.constraints, self.vocabulary
         fits = constraints.take_allowed[v.word_take] & ~constraints.motif_banned[v.word_motif]
@@ -206,7 +206,7 @@ class CandidatePool:
         return allowed & ~self.constraints.motif_banned
 
     def motif_possible(self) -> NDArray[np.bool_]:
-        """Motifs (N, K) that have a word, of a take that is wanted there, on the count of each slot."""
+        """Motifs (N, K) that have a word, of a take requested there, on the count of each slot."""
         return possible_motifs(
             self.slot_position, self.word_position, self.constraints.take_wanted, self.vocabulary
         )

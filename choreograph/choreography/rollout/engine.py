@@ -78,7 +78,7 @@ class _Rollout:
     motifs: Indices  # (N,) drawn or given
     asked: NDArray[np.float32]  # (N, D) embeddings that the network was conditioned on
     motion: Motion
-    shown: NDArray[np.float32]  # (N, D) embeddings of the motion, or those asked for if nothing was requested
+    shown: NDArray[np.float32]  # (N, D) embeddings of the motion, or those of the conditions without requests
     danced: Indices  # (N,) motifs of these
     wrong: tuple[int, ...]  # slots that do not show the requested motif
 

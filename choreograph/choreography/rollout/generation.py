@@ -51,7 +51,7 @@ class HeldPoses:
 
     @classmethod
     def of(cls, motion: Motion, stretches: Sequence[tuple[int, int]]) -> HeldPoses:
-        """Those of a motion within stretches of its frames: each the first, and the one after the last."""
+        """The poses of a motion within stretches of frames, each the first and the one after the last."""
         poses = to_poses(motion.resampled(ROLLOUT_FPS))
         frame = np.arange(len(poses)) * motion.fps / ROLLOUT_FPS
         held = [(frame >= first) & (frame < stop) for first, stop in stretches]

@@ -44,7 +44,7 @@ _LAST_WORDS = 8  # whose median is the duration of words after the last count
 
 @dataclass(frozen=True)
 class StreamedWord:
-    """A word of a streamed dance, and the motif asked of the network in it."""
+    """A word of a streamed dance, and the motif on which the network is conditioned in it."""
 
     start_s: float
     end_s: float
@@ -220,7 +220,7 @@ def _spline_weights(since: Floats) -> Floats:
 # The dance of the rollout network, pose by pose.
 
 
-POSES_AHEAD = FUTURE_FRAMES + 1  # of a final frame: its feet are locked one pose later than it is sampled
+POSES_AHEAD = FUTURE_FRAMES + 1  # of a final frame, whose feet are locked one pose later than it is sampled
 
 
 @dataclass(frozen=True, eq=False)

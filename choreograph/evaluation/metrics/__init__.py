@@ -13,7 +13,7 @@ Music and dance
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
 - `transitions` — how often takes change, and whether at borders of bars and figures
-- `requests` — whether the genre asked for is danced, at its tempi, and another dance with another seed
+- `requests` — whether a requested genre is danced, at its tempi, and whether dances differ with another seed
 
 Realism
 

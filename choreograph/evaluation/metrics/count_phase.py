@@ -1,4 +1,4 @@
-"""Phase of motion beats within the count: where between two beats a body comes to rest.
+"""Phase of motion beats within the count, which is the place between two beats where a body rests.
 
 Conventions: motion beats and music beats in seconds, increasing. A phase is from 0 (on the beat) to 1 (the
 next beat), so 0.9 is just early. A histogram (`N_BINS`,) of shares has its first bin centred on the beat and

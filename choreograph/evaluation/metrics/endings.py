@@ -2,9 +2,9 @@
 
 Conventions: body positions (T, 21, 3) in metres at `fps`. Speed is the mean over the joints of the distance
 covered in 1/60 s, in m/s, with root motion. A pose is held while the speed is below `HELD_M_S`. Breathing and
-marker noise of a standing dancer are 0.03 to 0.1 m/s. Below `FROZEN_M_S`, a body is frozen: nobody stands so
-still. A body that never moves is held throughout, so compare
-these values with the speed of the dance itself.
+marker noise of a standing dancer are 0.03 to 0.1 m/s. Below `FROZEN_M_S`, a body is frozen, since no dancer
+stands so still. A body that never moves is held throughout, so compare these values with the speed of the
+dance itself.
 """
 
 from __future__ import annotations

@@ -23,8 +23,8 @@ has bugs:
 - "corrected": a true acceleration, the true dt, the relations of the original authors, and the dancer's own
   lengths. Position and heading change nothing, and a mirror only swaps left and right.
 
-Normalisation: each feature by the mean and standard deviation of the real set, for FID and diversity alike,
-as in the code of AI Choreographer and Bailando. `normalised=False` leaves features raw. A feature that is
+Normalisation: each feature by the mean and standard deviation of the real set, for both FID and diversity, as
+in the code of AI Choreographer and Bailando. `normalised=False` leaves features raw. A feature that is
 constant in the real set is only centred ("published" divides by 1e-10, as that code does, and explodes).
 Covariances are not regularised (see `frechet`), but 72 dimensions need hundreds of dances: with fewer the
 distance is biased upwards. Compare sets of equal size, and report the distance between two halves of the real

@@ -2,7 +2,7 @@
 
 Conventions: body positions (T, 21, 3) are in metres at `fps`. Y is up and the floor is at y = 0. A foot is
 low when its ball is at most `LOW_M` above the floor. Speed (m/s) and jerk (m/s³) are first and third
-differences of the joint positions at 20 fps, whatever the rate of the source, so that dances and takes can be
+differences of the joint positions at 20 fps, for any rate of the source, so that dances and takes can be
 compared. `validate` raises `ParameterError` for positions that are not finite or have another shape, and for
 an invalid rate. The published foot scores, with their thresholds and bugs, are in
 `evaluation.metrics.contact_scores`.

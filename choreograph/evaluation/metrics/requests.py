@@ -1,4 +1,4 @@
-"""Requests: whether the genre asked for is danced, at its tempi, and another dance with another seed.
+"""Requests: whether a requested genre is danced, at its tempi, and whether dances differ by seed.
 
 Conventions: a dance consists of parts (N,), each with the genre of its take and a length. Lengths are in
 seconds for dances of seconds, and 1 each for dances of words. Tempi are in counts per minute. Counts (Q,) are
@@ -24,7 +24,7 @@ _SMOOTHING = 5  # intervals between counts whose median is the tempo there
 def genre_share(genres: Sequence[str], lengths: ArrayLike, genre: str) -> float:
     """Share of the length of the parts (N,) that is of a genre, 0 to 1. Higher is better.
 
-    Chance is the share of the genre in the repertoire: the same function of its takes and their lengths.
+    Chance is the share of the genre in the repertoire, which is the same function of its takes and lengths.
 
     Examples
     --------
@@ -76,9 +76,9 @@ def outside_tempi_share(
 def joint_distance_m(body_pos_m: Floats, other_pos_m: Floats, fps: float) -> float:
     """Mean distance of the joints of two dances (T, 21, 3) and (T', 21, 3) at the same time, in metres.
 
-    0 is the same dance twice. Each pose is first moved to heading 0 above the origin, so that the same dance
-    elsewhere on the stage is the same dance. The longer dance is cut. Chance is one of the dances against the
-    other shifted in time.
+    It is 0 for the same dance. Each pose is first moved to heading 0 above the origin, so that the place on
+    the stage does not matter. The longer dance is cut. Chance is the distance of one of the dances to the
+    other, shifted in time.
 
     Examples
     --------

@@ -206,7 +206,7 @@ def section_agreement(similarity: Floats, section_labels: Sequence[str] | AnyInt
     """Similarity of sections with equal labels minus that of sections with different labels, -1 to 1.
 
     It is the mean of `similarity` (S, S) over pairs with equal labels, minus its mean over the other pairs.
-    Higher is better. A dance that ignores the song scores 0, however much it repeats, because 0 is the mean
+    Higher is better. A dance that ignores the song scores 0 with any number of repeats, because 0 is the mean
     over all orders of the labels. The result is nan if all labels are different, or all are equal.
 
     Examples

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 # Takes are read, cleaned of jumps, retargeted to one skeleton, foot-locked and measured.
 
 
-LEFT_OUT = "left out, as asked"
+LEFT_OUT = "left out, as requested"
 
 
 @dataclass(frozen=True, eq=False)

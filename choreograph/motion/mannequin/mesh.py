@@ -211,7 +211,7 @@ _FINGERS = (
     (-0.009, 0.075),
     (-0.0275, 0.060),
 )  # position across the palm, length
-_HANGING = 0.7  # forearms with a larger cosine to the vertical hang: their palms face the thighs
+_HANGING = 0.7  # forearms with a larger cosine to the vertical hang, with palms that face the thighs
 # Metres ahead of the ankle: half width, height over the sole.
 _SHOE = np.array([
     (-0.055, 0.022, 0.044), (-0.040, 0.031, 0.072), (-0.015, 0.035, 0.092), (0.02, 0.036, 0.090),

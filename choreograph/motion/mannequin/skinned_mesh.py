@@ -125,7 +125,7 @@ def _bone_mannequin(skeleton: Skeleton) -> SkinnedMesh:
     pos_m, quat = skeleton.rest_pos_m(), np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     size_m = max(float(np.ptp(pos_m, axis=0).max()), 10 * _SHORTEST_BONE_M)
     bones = _extra_bones(skeleton, pos_m, quat, set(), 0.03 * size_m)
-    ball = knob(pos_m[0], 0.02 * size_m, 0, PARTS.index("extra"))  # something visible, whatever the bones
+    ball = knob(pos_m[0], 0.02 * size_m, 0, PARTS.index("extra"))  # something visible for any bones
     return _merged_mesh([ball, *bones], pos_m, quat)
 
 

@@ -4,7 +4,7 @@ import { clamp, lookAt, multiplyMatrices, perspective } from "./math.js";
 
 export const FOV_Y = 0.5;
 const FIRST_PITCH = 0.14;
-const FIRST_TURN = 0.17; // from +Z, where the audience is: a body seen straight from the front looks flat
+const FIRST_TURN = 0.17; // from +Z, the direction of the audience, since a body looks flat straight from the front
 const BLEND_S = 0.45;
 const FLOOR_RADIUS_M = 7;
 
@@ -25,7 +25,7 @@ export class Camera {
     this.closeness = 1;
   }
 
-  // Orbit, in radians; in a mirrored view the picture still follows the pointer.
+  // Orbit, in radians. In a mirrored view the picture still follows the pointer.
   turn(yaw, pitch) {
     this.yaw += this.mirrored ? -yaw : yaw;
     this.pitch = clamp(this.pitch + pitch, 0.015, 1.5);
@@ -33,7 +33,7 @@ export class Camera {
 
   approach(factor) { this.closeness = clamp(this.closeness * factor, 0.35, 6); }
 
-  // Advances the blend between dancer and stage by real time; true while it is still moving.
+  // Advances the blend between dancer and stage by real time. True while it is still moving.
   settle(elapsedS) {
     const goal = this.following ? 1 : 0;
     const step = elapsedS / BLEND_S;
@@ -41,7 +41,7 @@ export class Camera {
     return this.blend !== goal;
   }
 
-  // What a renderer needs: eye, target, and the matrix from the world to the screen.
+  // The data for a renderer: eye, target, and the matrix from the world to the screen.
   at(timeS, aspect) {
     const eased = this.blend * this.blend * (3 - 2 * this.blend);
     const stands = this.dancer.path.at(timeS);
@@ -51,7 +51,7 @@ export class Camera {
     const tan = Math.tan(FOV_Y / 2);
     const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
     const distance = far / this.closeness;
-    // Close up, the camera looks at the chest and face.
+    // At a short distance, the camera points to the chest and face.
     const target = [x, this.height * (0.5 + 0.26 * clamp((this.closeness - 1) / 1.5, 0, 1)), z];
     const flat = Math.cos(this.pitch) * distance;
     const eye = [

@@ -16,7 +16,7 @@ export class Card {
     this.highestCost = all.reduce((a, b) => Math.max(a, b), 1e-9); // the bars of all blocks share one scale
   }
 
-  // Above the timeline, centred at x of the window; block null hides it.
+  // Shows the card above the timeline, centred at x of the window. The block null hides it.
   show(block, x, colours) {
     this.element.hidden = block === null;
     if (block === null) { this.block = null; return; }

@@ -6,13 +6,13 @@ import { createElement } from "./elements.js";
 import { Figure, NOBODY } from "./figure.js";
 import { notice, openPage } from "./page.js";
 
-// As a script of its own, that defines the global `Three`.
+// A separate script that defines the global `Three`.
 async function loadThree() {
   const code = new TextDecoder().decode(await inflate(consumeText("three")));
   document.head.append(createElement("script", "", [code]));
 }
 
-// The character, and what went wrong with it: in the worst case there is nobody to be seen.
+// The character, and its errors. In the worst case, the stage is empty.
 async function loadFigure(dance) {
   const lost = [];
   const manager = new Three.LoadingManager(undefined, undefined, () => { lost[0] = "a texture cannot be read"; });

@@ -1,4 +1,4 @@
-// Draws the user's character with three.js: its own materials, in the light of a room, on the mannequin's floor.
+// Draws the user's character with three.js, with its own materials in the light of a room, on the mannequin's floor.
 
 import { FOV_Y } from "./camera.js";
 import { normalized } from "./math.js";
@@ -13,11 +13,11 @@ const ROOM_STRENGTH = 0.5;
 const KEY_STRENGTH = 2.2;
 const RIM_STRENGTH = 2.5;
 const SHADE_OPACITY = 0.55;
-const REACH = 1.4; // what may have a shadow, in heights around the character
+const REACH = 1.4; // distance within which shadows are cast, in heights of the character
 const SHADOW_SIZES = { quick: 512, fine: 2048 }; // texels
 
 export class CharacterRenderer {
-  // A renderer on a canvas; null in a browser without WebGL 2.
+  // A renderer on a canvas, or null in a browser without WebGL 2.
   static open(canvas) {
     const resolution = new Resolution(canvas), gl = openWebgl(canvas, resolution);
     return gl && new CharacterRenderer(gl, resolution);
@@ -37,7 +37,7 @@ export class CharacterRenderer {
     this.shade = new Three.Mesh(new Three.PlaneGeometry(), new Three.ShadowMaterial({ opacity: SHADE_OPACITY }));
     this.shade.receiveShadow = true;
     this.shade.rotation.x = -Math.PI / 2;
-    this.shade.renderOrder = -1; // below what else is transparent: hair
+    this.shade.renderOrder = -1; // below other transparent parts, such as hair
     Object.assign(this.shade.material, { polygonOffset: true, polygonOffsetFactor: -1, polygonOffsetUnits: -1 });
     const { key, rimLight, floor, shade } = this;
     this.scene.add(key, key.target, rimLight, rimLight.target, floor, shade);
@@ -60,7 +60,7 @@ export class CharacterRenderer {
     this.key.castShadow = true;
   }
 
-  // The light that comes from all sides: metal is black without it.
+  // The light from all sides, without which metal is black.
   #furnish() {
     const generator = new Three.PMREMGenerator(this.three);
     this.scene.environment = generator.fromScene(new Three.RoomEnvironment(), ROOM_BLUR_RAD).texture;
@@ -80,7 +80,7 @@ export class CharacterRenderer {
   // The colour of the light from behind, linear.
   set rim(colour) { this.rimLight.color.setRGB(...colour); }
 
-  // Fit the drawing buffer to the element; `still` for a picture that will not change.
+  // Fit the drawing buffer to the element. `still` is for a picture that will not change.
   resize(still) {
     const [width, height] = this.resolution.size(still);
     if (this.canvas.width !== width || this.canvas.height !== height) this.three.setSize(width, height, false);
@@ -89,7 +89,7 @@ export class CharacterRenderer {
   draw(view) {
     this.last = view;
     const { camera, canvas } = this;
-    canvas.style.transform = view.mirrored ? "scaleX(-1)" : ""; // mirrored by three.js, faces would turn inside out
+    canvas.style.transform = view.mirrored ? "scaleX(-1)" : ""; // three.js would turn faces inside out
     Object.assign(camera, { fov: (FOV_Y * 180) / Math.PI, aspect: canvas.width / canvas.height, near: 0.05, far: 60 });
     camera.updateProjectionMatrix();
     camera.position.fromArray(view.eye);
@@ -117,7 +117,7 @@ export class CharacterRenderer {
   }
 }
 
-// The mannequin's floor: its own shaders, in three.js.
+// The mannequin's floor, with its own shaders in three.js.
 function floorDisc() {
   const corners = [-1, -1, 1, -1, 1, 1, -1, 1];
   const geometry = new Three.BufferGeometry();

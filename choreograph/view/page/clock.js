@@ -1,11 +1,11 @@
-// The time in the dance. With sound it follows the media clock; nothing here counts frames.
+// The time in the dance. With sound it follows the media clock. Nothing here counts frames.
 
 import { clamp } from "./math.js";
 
-// The media clock, read once a frame, jitters: it is some milliseconds early or late, and in some browsers constant
+// The media clock, read once per frame, jitters. It is some milliseconds early or late, and in some browsers constant
 // for a few frames. The picture advances evenly and is corrected towards that clock, so it never drifts from the sound.
 const CORRECTION_S = 0.25; // time constant of that correction
-const JUMP_S = 0.08; // a larger difference is no jitter: the sound has jumped
+const JUMP_S = 0.08; // a larger difference is not jitter but a jump of the sound
 const STALE_S = 0.1; // a clock that is constant for longer has stopped
 
 export class SoundClock {
@@ -23,8 +23,8 @@ export class SoundClock {
   get ended() { return this.audio.ended || this.time >= this.durationS; }
   set speed(speed) { this.audio.playbackRate = speed; }
 
-  // A pending seek is awaited: one that passes the end would stop the sound there. In a sound that is not loaded
-  // yet (phones wait for the first play) a seek becomes pending only once it is loaded.
+  // Waits for a pending seek, since one beyond the end would stop the sound there. In a sound that is not loaded
+  // yet (phones wait for the first play), a seek becomes pending only once it is loaded.
   async play() {
     this.playRequested = true;
     while (this.audio.seeking) {

@@ -3,13 +3,13 @@
 const HUES = 16; // neighbours are just distinguishable
 const DARKER = 0.12; // the second round of hues, for dances with more takes
 
-// CSS colours, and linear ones for the rim light, by take; equally bright because they are chosen in OKLCH.
+// CSS colours, and linear ones for the rim light, by take. They are equally bright because they are chosen in OKLCH.
 export function takeColours(names, lightness, chroma) {
   const taken = new Set();
   return names.map((name, i) => {
     let hue = hash(name) % HUES;
     if (i % HUES === 0) taken.clear();
-    // No two of one round share a hue: the later one in the alphabet moves on.
+    // No two of one round share a hue. The later one in the alphabet gets the next free hue.
     while (taken.has(hue)) hue = (hue + 7) % HUES;
     taken.add(hue);
     const light = fromOklch(lightness - (Math.floor(i / HUES) % 2) * DARKER, chroma, (hue / HUES) * 2 * Math.PI);
@@ -20,7 +20,7 @@ export function takeColours(names, lightness, chroma) {
 
 const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055); // sRGB
 
-// FNV-1a with a final mix: names that differ in one digit must not get adjacent hues.
+// FNV-1a with a final mix, so that names that differ in one digit do not get adjacent hues.
 function hash(text) {
   let h = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(text)) h = Math.imul(h ^ byte, 0x01000193) >>> 0;

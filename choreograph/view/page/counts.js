@@ -1,6 +1,6 @@
-// Which count of which bar a time is on. Bars are numbered from the first downbeat; an upbeat is in bar 0.
+// The count and bar of a time. Bars are numbered from the first downbeat. An upbeat is in bar 0.
 
-const LATE = 1.5; // beats after the last one: then nothing is counted any more
+const LATE = 1.5; // beats after the last one, after which nothing is counted
 
 export class Counts {
   constructor(dance) {
@@ -10,7 +10,7 @@ export class Counts {
     this.bars = this.numbers.map((number) => (number === 1 ? ++bar : bar));
   }
 
-  // { bar, number } of the last beat until then, or null: before the first beat, long after one, without bars.
+  // { bar, number } of the last beat until then. It is null before the first beat, long after one, or without bars.
   at(timeS) {
     const { times, numbers, bars } = this;
     if (numbers.length < 2 || timeS < times[0]) return null;

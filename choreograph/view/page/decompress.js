@@ -1,4 +1,4 @@
-// Decodes what preview/compression.py wrote.
+// Decodes the data that view/page_data.py encodes.
 
 import { rotationVectorInto } from "./math.js";
 

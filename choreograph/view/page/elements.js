@@ -1,4 +1,4 @@
-// A new element with children; strings are inserted as text, never as HTML.
+// A new element with children. Strings are inserted as text, never as HTML.
 export function createElement(tag, className = "", children = []) {
   const element = document.createElement(tag);
   if (className) element.className = className;

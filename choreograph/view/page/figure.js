@@ -13,7 +13,7 @@ export class Figure {
     scene.traverse((object) => {
       object.castShadow = object.receiveShadow = object.isMesh === true;
       object.frustumCulled = false; // the bounds of a skin are those of one pose
-      if (object.isLight) object.visible = false; // those of the stage are enough
+      if (object.isLight) object.visible = false; // the lights of the stage are enough
     });
     this.standing = standingHeight(scene);
     this.durationS = clip.duration;
@@ -23,7 +23,7 @@ export class Figure {
     this.pose(0);
   }
 
-  // Not by the mixer's `setTime`, which returns to the start at the end of the clip.
+  // The mixer's `setTime` is not used, since it returns to the start at the end of the clip.
   pose(timeS) {
     this.action.time = clamp(timeS, 0, this.durationS);
     this.mixer.update(0);
@@ -44,7 +44,7 @@ export class Figure {
   }
 }
 
-// What is shown on the stage if the character cannot be.
+// The message on the stage if the character cannot be shown.
 export const NOBODY = {
   positions: new Float64Array(3),
   path: new GroundPath(new Float32Array(3), 1, PATH_FPS),
@@ -52,7 +52,7 @@ export const NOBODY = {
   height: () => 1.7,
 };
 
-// Of the skin as the file has it, before it dances.
+// The bounds of the skin in the file, before it dances.
 function standingHeight(scene) {
   scene.updateMatrixWorld(true);
   const whole = new Three.Box3();

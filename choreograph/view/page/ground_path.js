@@ -1,4 +1,4 @@
-// Where a dancer stands at a time, smoothed, for the camera to follow.
+// The smoothed position of a dancer at a time, which the camera follows.
 
 import { clamp } from "./math.js";
 

@@ -1,4 +1,4 @@
-// Quaternions are stored in flat arrays as w, x, y, z; matrices are 4 x 4, column-major, as in WebGL.
+// Quaternions are stored in flat arrays as w, x, y, z. Matrices are 4 x 4, column-major, as in WebGL.
 
 export function multiplyInto(out, o, a, i, b, j) {
   const aw = a[i], ax = a[i + 1], ay = a[i + 2], az = a[i + 3];
@@ -16,7 +16,7 @@ export function slerpInto(out, o, a, i, b, j, f) {
   dot = Math.min(1, dot * sign);
   const angle = Math.acos(dot);
   const sine = Math.sin(angle);
-  // Below a milliradian chord and arc agree to within rounding.
+  // Below a milliradian, chord and arc agree to within rounding.
   const p = sine < 1e-3 ? 1 - f : Math.sin((1 - f) * angle) / sine;
   const q = sign * (sine < 1e-3 ? f : Math.sin(f * angle) / sine);
   for (let k = 0; k < 4; k++) out[o + k] = p * a[i + k] + q * b[j + k];

@@ -50,7 +50,7 @@ export class Player extends EventTarget {
   get playing() { return this.clock.playing; }
   get muted() { return this.audio?.muted ?? true; }
 
-  // The time at `now`, seconds; jumps back at the end of a loop and pauses at the end of the dance.
+  // The time at `now`, in seconds. Jumps back at the end of a loop and pauses at the end of the dance.
   tick(now) {
     const { loop, clock } = this;
     clock.follow(now);
@@ -86,7 +86,7 @@ export class Player extends EventTarget {
     this.clock.pause();
     if (!this.audio) return;
     const { src } = this.audio;
-    this.audio.removeAttribute("src"); // first: revoking the URL of a sound that is still loading raises an error
+    this.audio.removeAttribute("src"); // first, since revoking the URL of a sound that is still loading is an error
     this.audio.load();
     URL.revokeObjectURL(src);
   }
@@ -104,7 +104,7 @@ export class Player extends EventTarget {
   setMuted(muted) { if (this.audio) this.audio.muted = muted; this.#changed(); }
   setLooping(on) { this.loop.on = on; this.#changed(); }
 
-  // A range to loop; its ends may come in either order.
+  // A range to loop. Its ends may come in either order.
   setLoop(a, b) {
     const from = clamp(Math.min(a, b), 0, Math.max(0, this.durationS - SHORTEST_LOOP_S));
     this.loop = { on: true, from, to: clamp(Math.max(a, b), from + SHORTEST_LOOP_S, this.durationS) };

@@ -11,14 +11,14 @@ import { stageColours } from "./stage_colours.js";
 
 const SHADOW_SIZE = 80; // texels
 const SHADOW_HALF_M = 1.5;
-const SHADOW_MARGIN_M = 0.45; // how much wider a shadow is than that of the joints: flesh, and the blur radius
+const SHADOW_MARGIN_M = 0.45; // margin of a shadow around that of the joints, for the flesh and the blur radius
 const RIM_POINTS = 48;
 const KEY_SIDE_RAD = -0.7; // from the audience
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 
 export class Renderer {
-  // A renderer on a canvas; null in a browser without WebGL 2.
+  // A renderer on a canvas, or null in a browser without WebGL 2.
   static open(canvas, mesh) {
     const resolution = new Resolution(canvas), gl = openWebgl(canvas, resolution);
     return gl && new Renderer(gl, resolution, mesh);
@@ -39,7 +39,7 @@ export class Renderer {
     this.dancer = dancer;
     const [x, z] = [Math.sin(KEY_SIDE_RAD), Math.cos(KEY_SIDE_RAD)];
     this.light = normalized([x, LIGHT_HEIGHT, z]);
-    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light: short shadows
+    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light with short shadows
   }
 
   #build() {
@@ -71,7 +71,7 @@ export class Renderer {
     Object.assign(this, { colours, exposure });
   }
 
-  // Fit the drawing buffer to the element; `still` for a picture that will not change.
+  // Fit the drawing buffer to the element. `still` is for a picture that will not change.
   resize(still) {
     this.still = still;
     const [width, height] = this.resolution.size(still);
@@ -157,7 +157,7 @@ export class Renderer {
     this.#drawGround(matrix, [at[0], at[2], floorRadius], centre);
   }
 
-  // Without depth writes: the floor is below the body, and the shadow lies in the floor's plane.
+  // Depth is not written, since the floor is below the body, and the shadow lies in the plane of the floor.
   #drawGround(matrix, disc, centre) {
     const { gl, floor, shade, colours } = this;
     gl.disable(gl.CULL_FACE);

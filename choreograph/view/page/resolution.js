@@ -1,11 +1,11 @@
-// How finely the stage is drawn: lowered while frames are slow, raised again, and finest for still pictures.
+// The resolution of the stage. It is lowered while frames are slow, raised again, and highest for still pictures.
 
 const MAX_PIXEL_RATIO = 2;
 const STILL_PIXEL_RATIO = 2; // where there is no other antialiasing
 const SMALLEST_SCALE = 0.6;
 const SLOW_FRAME_S = 1 / 48;
-const PATIENCE = 90; // a slow frame adds 3, a good one subtracts 1; at this sum the resolution is lowered
-const STEADY_FRAMES = 600; // good frames in a row before the resolution is raised; doubled after each try
+const PATIENCE = 90; // a slow frame adds 3, a good one subtracts 1. At this sum the resolution is lowered
+const STEADY_FRAMES = 600; // good frames in a row before the resolution is raised, doubled after each attempt
 
 export class Resolution {
   constructor(canvas) {
@@ -18,14 +18,14 @@ export class Resolution {
     this.slowMachine = rendersInSoftware();
   }
 
-  // Width and height of the drawing buffer that fits the element; `still` for a picture that will not change.
+  // Width and height of the drawing buffer that fits the element. `still` is for a picture that will not change.
   size(still) {
     const fine = Math.min(devicePixelRatio || 1, MAX_PIXEL_RATIO);
     const ratio = still ? Math.max(fine, this.slowMachine ? STILL_PIXEL_RATIO : 0) : fine * this.scale;
     return [this.canvas.clientWidth, this.canvas.clientHeight].map((length) => Math.max(1, Math.round(length * ratio)));
   }
 
-  // Report how long the last frame took.
+  // Report the duration of the last frame.
   reportFrameTime(elapsedS) {
     const late = elapsedS > SLOW_FRAME_S;
     this.slow = late ? this.slow + 3 : Math.max(0, this.slow - 1);

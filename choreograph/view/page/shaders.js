@@ -15,7 +15,7 @@ vec3 lit(vec3 place, vec3 normal, vec3 colour) {
   float grazing = 1.0 - max(0.0, dot(n, v));
   float shine = max(0.0, dot(n, normalize(uLight + v)));
   for (int i = 0; i < 5; i++) shine *= shine;
-  float near = smoothstep(-0.02, 0.28, place.y); // less light reaches what is close to the floor
+  float near = smoothstep(-0.02, 0.28, place.y); // less light reaches parts close to the floor
   vec3 fill = mix(uGround, vec3(0.40, 0.44, 0.52), up) * (0.55 + 0.45 * near);
   // Conversion to linear light and back, approximating a gamma of 2.2.
   vec3 sum = colour * colour * (fill + key * key * vec3(1.30, 1.22, 1.10)) + 0.10 * shine * key;
@@ -50,8 +50,8 @@ void main() {
   return [vertex, fragment];
 }
 
-// The shadow: one point per vertex, projected along the light and then blurred; red is what touches the floor,
-// green what is above it.
+// The shadow: one point per vertex, projected along the light and then blurred. Red is for parts that touch the
+// floor, green for parts above it.
 export const SHADOW_VERTEX = `#version 300 es
 uniform vec3 uCentre; // x, z and half the width
 uniform vec2 uSlide;

@@ -1,5 +1,5 @@
-// Linear blend skinning, on the CPU and not in the shader: a few thousand vertices take a quarter of a millisecond,
-// body and shadow are both drawn from them, and in software rendering it is far less work.
+// Linear blend skinning, on the CPU and not in the shader. A few thousand vertices take a quarter of a millisecond.
+// Both body and shadow are drawn from them, and in software rendering it is far less work.
 
 export class Skin {
   constructor(mesh) {
