@@ -1,4 +1,4 @@
-"""True phases in beat and bar, and their likelihood by a network, to train the networks that count."""
+"""True phases in beat and bar, and their likelihood by a network, for training the counting networks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from torch import Tensor
 from choreograph.core.counts import Counts
 from choreograph.music.bar_pointer import METRES
 
-_LONGEST_INTERVAL = 1.75  # of the median: longer ones are gaps, in which nobody counts
+_LONGEST_INTERVAL = 1.75  # of the median. Longer ones are gaps without counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +22,14 @@ class Phases:
     beat: NDArray[np.float32]  # 0 … 1
     bar: NDArray[np.float32]  # 0 … 1
     metre: NDArray[np.int64]  # index in `METRES`
-    known: NDArray[np.bool_]  # False where nobody counts
+    known: NDArray[np.bool_]  # False where there are no counts
 
 
 def phases_at(counts: Counts, times_s: NDArray[np.floating]) -> Phases:
     """The phases of counts at times (...) in seconds.
 
-    Between two counts the phase runs evenly. Nothing is known before the first and after the last count, in
-    gaps, where the number that follows is not the next in the bar, or if the metre is not of `METRES`.
+    Between two counts the phase is linear. Phases are unknown before the first and after the last count, in
+    gaps, where the next number is not the next in the bar, or if the metre is not among `METRES`.
     """
     times = np.asarray(times_s, np.float64)
     if len(counts) < 2 or counts.metre not in METRES:
@@ -76,8 +76,8 @@ class PhaseTargets:
 def phase_loss(outputs: Tensor, targets: PhaseTargets, *, bar_weight: float) -> Tensor:
     """Mean negative log likelihood of the phases of known frames, in nats above a uniform density's.
 
-    `outputs` (B, N_OUTPUTS, T). The bar counts `bar_weight`: its vector of the right metre is to give the
-    phase, those of the others to give none.
+    `outputs` is (B, N_OUTPUTS, T). The bar has the weight `bar_weight`. Its vector of the right metre should
+    have the phase, and those of the other metres should be 0.
     """
     batch, _, frames = outputs.shape
     vectors = outputs.reshape(batch, 1 + len(METRES), 2, frames)

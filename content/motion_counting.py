@@ -1,4 +1,4 @@
-"""Training of the network that counts motion, and of the confidence in its counts, on takes with counts."""
+"""Training of the network for counts of motion, and of its confidence, on takes with counts."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _SHRINKAGE = 1.0  # of the weights, worth about a take
 
 
 def fit_confidence(features: Sequence[Floats], share_right: Sequence[float]) -> Floats:
-    """Weights (N_CONFIDENCE,) by which `confidence_of` the features of takes is their share of right counts.
+    """Weights (N_CONFIDENCE,) for which `confidence_of` the features of takes is their share of right counts.
 
-    Logistic regression with a little shrinkage. `ParameterError` without a take.
+    They are fitted by logistic regression with a little shrinkage. Raises `ParameterError` without a take.
     """
     if not len(features) or len(features) != len(share_right):
         raise ParameterError(f"expected features of takes and a share for each, got {len(features)}")
@@ -45,13 +45,13 @@ def fit_confidence(features: Sequence[Floats], share_right: Sequence[float]) -> 
     return result
 
 
-# Training data of the network that counts motion: takes with counts, cut, played at other tempi, varied.
+# Training data of the network: takes with counts, cut, played at other tempi and varied.
 
 
 _MAX_RAMP = 0.08  # change of the tempo from the middle of a sample to its end
 _JOINT_STD_M = 0.015  # offset of each joint, the same for the whole sample
 _NOISE_STD_M = 0.003  # of markers, from frame to frame
-_DRIFT_STD_M = 0.02  # of each joint, over a second: how another dancer would move
+_DRIFT_STD_M = 0.02  # of each joint, over a second, as a difference between dancers
 _SCALE = (0.85, 1.15)  # the dancer's size
 _FLOOR_STD_M = 0.02  # error of the floor's height
 _FEWEST_KNOWN = 0.25  # of a sample's frames that are counted
@@ -130,7 +130,7 @@ class MotionData:
 
 
 def augmented(body: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Body positions (T, 21, 3) of a slightly different dancer, with noise, any heading being alike."""
+    """Body positions (T, 21, 3) of a slightly different dancer, with noise, at any heading."""
     n_frames, n_joints, _ = body.shape
     slow = gaussian_filter1d(rng.standard_normal((n_frames // 4 + 2, n_joints, 3)), 3.0, axis=0)
     drift = interpolate_frames(slow / max(float(slow.std()), 1e-6), np.arange(n_frames) / 4.0)
@@ -142,7 +142,7 @@ def augmented(body: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np
 
 
 def _probabilities(takes: Sequence[CountedMotion], recorded_share: float) -> NDArray[np.float64]:
-    """Of drawing each take: as its length within its genre, genres of built-in and recorded takes alike."""
+    """Probabilities of drawing each take, by its length within its genre, with equally likely genres."""
     length = np.array([len(t.body_pos_m) for t in takes], np.float64)
     groups = [(t.is_built_in, t.genre) for t in takes]
     total = {
@@ -164,7 +164,7 @@ def _seconds(take: CountedMotion) -> NDArray[np.float64]:
     return np.arange(len(take.body_pos_m)) / NET_FPS
 
 
-# Training of the network that counts motion, by the likelihood of the phases of takes with counts.
+# Training of the network by the likelihood of the phases of takes with counts.
 
 
 _STATISTICS_SAMPLES = 128

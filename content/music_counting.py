@@ -1,4 +1,4 @@
-"""Training of the network that counts music: excerpts of songs at any tempo, recorded in other ways."""
+"""Training of the beat-tracking network on excerpts of songs at any tempo, with varied recordings."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from choreograph.nets.music_counts import CURVE_FPS, MusicCounts, levelled
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
-# Log-mel as it might have been recorded elsewhere: other pitch, equalisation, room, noise, voice, breaks.
+# Augmentation of log-mel as other recordings: other pitch, equalisation, room, noise, voice, breaks.
 #
-# Every function takes log-mel (T, 96), natural logarithm of power at 60 fps, and returns a new array. Beats
-# stay where they are. Working on log-mel rather than on sound makes a new recording in milliseconds.
+# Every function takes log-mel (T, 96), the natural logarithm of power at 60 fps, and returns a new array.
+# Beats do not move. On log-mel instead of sound, a new recording takes milliseconds.
 
 
 Mel = NDArray[np.float32]
@@ -38,7 +38,7 @@ _EQ_KNOTS, _EQ_DB = 7, 7.0
 
 
 def augmented(mel: Mel, rng: Rng) -> Mel:
-    """A new recording of the music: each change is made at times."""
+    """A new recording of the music, with each change at random."""
     for change, share in (
         (pitch_shifted, 0.6), (voiced, 0.4), (in_room, 0.4), (with_break, 0.15), (compressed, 0.5),
         (equalised, 0.7), (band_limited, 0.35), (noisy, 0.5),
@@ -49,7 +49,7 @@ def augmented(mel: Mel, rng: Rng) -> Mel:
 
 
 def pitch_shifted(mel: Mel, rng: Rng) -> Mel:
-    """Moved by up to five bands up or down. The outermost bands are repeated."""
+    """The music moved by up to five bands up or down. The outermost bands are repeated."""
     n_bands = mel.shape[1]
     position = np.clip(np.arange(n_bands) - rng.uniform(-_MOST_BANDS, _MOST_BANDS), 0, n_bands - 1)
     low = np.minimum(position.astype(np.int64), n_bands - 2)
@@ -66,7 +66,7 @@ def equalised(mel: Mel, rng: Rng) -> Mel:
 
 
 def band_limited(mel: Mel, rng: Rng) -> Mel:
-    """Highs cut as by a codec or an old recording, or lows as by a small loudspeaker."""
+    """The music with highs cut as by a codec or an old recording, or lows as by a small loudspeaker."""
     n_bands = mel.shape[1]
     if rng.random() < 0.7:
         beyond = np.arange(n_bands) - rng.uniform(0.45, 0.95) * n_bands
@@ -77,14 +77,14 @@ def band_limited(mel: Mel, rng: Rng) -> Mel:
 
 
 def compressed(mel: Mel, rng: Rng) -> Mel:
-    """Less, or a little more, contrast in time."""
+    """The music with less, or a little more, contrast in time."""
     mean = mel.mean(axis=0)
     result: Mel = mean + np.float32(rng.uniform(0.55, 1.15)) * (mel - mean)
     return result
 
 
 def in_room(mel: Mel, rng: Rng) -> Mel:
-    """With the tail of a room: power that decays by 60 dB in 0.3 to 2.5 s."""
+    """The music with the reverb of a room, whose power decays by 60 dB in 0.3 to 2.5 s."""
     decay = 10.0 ** (-6.0 / (rng.uniform(0.3, 2.5) * MUSIC_FPS))
     power = np.exp(mel)
     tail = lfilter([1.0 - decay], [1.0, -decay], power, axis=0)
@@ -94,7 +94,7 @@ def in_room(mel: Mel, rng: Rng) -> Mel:
 
 
 def noisy(mel: Mel, rng: Rng) -> Mel:
-    """With steady noise of a random spectrum, 0 to 30 dB below the music's loudest band."""
+    """The music with steady noise of a random spectrum, 0 to 30 dB below its loudest band."""
     slope = rng.uniform(-3.0, 3.0) * np.linspace(-1, 1, mel.shape[1])
     level = mel.mean(axis=0).max() - rng.uniform(0.0, 30.0) * NATS_PER_DB
     ripple = rng.normal(0.0, 0.3, mel.shape)
@@ -103,7 +103,7 @@ def noisy(mel: Mel, rng: Rng) -> Mel:
 
 
 def with_break(mel: Mel, rng: Rng) -> Mel:
-    """Half a second to four seconds nearly silent."""
+    """The music with half a second to four seconds nearly silent."""
     length = round(rng.uniform(0.5, 4.0) * MUSIC_FPS)
     start = int(rng.integers(max(1, len(mel) - length)))
     out = mel.copy()
@@ -112,7 +112,7 @@ def with_break(mel: Mel, rng: Rng) -> Mel:
 
 
 def voiced(mel: Mel, rng: Rng) -> Mel:
-    """With sounds that keep no beat, as a voice: at random times, each in a few bands, for 0.1 to 1 s."""
+    """The music with sounds without a beat, like a voice, at random times in a few bands for 0.1 to 1 s."""
     n_frames, n_bands = mel.shape
     n_sounds = round(n_frames / MUSIC_FPS * rng.uniform(0.7, 3.0))
     voice = np.zeros_like(mel)  # power
@@ -130,11 +130,11 @@ def voiced(mel: Mel, rng: Rng) -> Mel:
     return result
 
 
-# The network that counts music is trained on excerpts of songs at any tempo, and on their true phases.
+# The beat-tracking network is trained on excerpts of songs at any tempo, and on their true phases.
 
 
 _TEMPO_STD, _LEAST_TEMPO, _MOST_TEMPO = 0.18, 0.7, 1.4  # of the factor of tempo: its logarithm, and bounds
-_BEFORE_S = 2.0  # how much silence an excerpt may begin or end with
+_BEFORE_S = 2.0  # of silence with which an excerpt may begin or end
 _SILENCE = -13.8  # log-mel of silence
 _WIDTH_FRAMES = 1.5  # of an activation's target to either side of the beat, at 30 fps
 _MIN_COUNTS = 8
@@ -142,14 +142,14 @@ _MIN_COUNTS = 8
 
 @dataclass(frozen=True, eq=False)
 class CountedMel:
-    """A song to learn from."""
+    """A training song."""
 
     log_mel: NDArray[np.floating]  # (T, 96) at 60 fps
     counts: Counts  # with bars of three or four
 
 
 class MusicCountsData:
-    """Batches of excerpts without end."""
+    """Any number of batches of excerpts."""
 
     def __init__(self, songs: Sequence[CountedMel], config: MusicCountsConfig) -> None:
         """Raises `ParameterError` unless there are songs, each of eight counts or more in one of `METRES`."""
@@ -166,9 +166,9 @@ class MusicCountsData:
     def batch(
         self, rng: np.random.Generator, weights: Floats | None = None
     ) -> tuple[Tensor, Tensor, PhaseTargets]:
-        """Levelled log-mel (B, T, 96) at 60 fps. True activations (B, 2, T / 2) and phases at 30 fps.
+        """Normalised log-mel (B, T, 96) at 60 fps, and true activations (B, 2, T / 2) and phases at 30 fps.
 
-        `weights` (N,) say how often each song is drawn. Their sum is 1.
+        `weights` (N,) are the probabilities of the songs. Their sum is 1.
         """
         chosen = rng.choice(len(self.songs), self.config.batch_size, p=weights)
         mels, activations, phases = zip(*(self._excerpt(self.songs[i], rng) for i in chosen), strict=True)
@@ -217,7 +217,7 @@ def activations(counts: Counts, times_s: NDArray[np.floating], tempo: float) -> 
     return np.stack(rows).astype(np.float32)
 
 
-# Training of the network that counts music.
+# Training of the beat-tracking network.
 
 
 def train_music_counts(

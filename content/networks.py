@@ -52,14 +52,14 @@ _RAMP_STD = 0.05  # of the logarithm of a take's last tempo over its first
 N_FOLDS = 5  # of recorded songs
 _TESTED_PER_GENRE = 8  # of the built-in takes of a genre that is left out
 _LEVEL_RATIO = 1.25  # of counts to beats, and less, is the same metrical level
-_FIGURE_SEEDS = (0, 1, 2)  # of the networks that figures are left out of: each alone errs by a few hundredths
-_GENRES_LEFT_OUT = 2  # at a time, to see how sure a network may be of what it does not know
+_FIGURE_SEEDS = (0, 1, 2)  # of the networks without some figures. Each alone has an error of a few hundredths
+_GENRES_LEFT_OUT = 2  # at a time, to measure the confidence of a network on unknown genres
 
 
 def built_in_takes(
     per_genre: int = TAKES_PER_GENRE, *, first_seed: int = FIRST_SEED, genres: Collection[str] = GENRES
 ) -> list[CountedMotion]:
-    """Dances of the synthesiser with their true counts, without music: 30 s each, of a random tempo."""
+    """Dances of the synthesiser with their true counts, without music, 30 s each, at a random tempo."""
     takes = []
     for number, genre in enumerate(sorted(GENRES)):
         for i in range(per_genre if genre in genres else 0):
@@ -138,9 +138,9 @@ def share_right(found: Counts, true: Counts) -> float:
 
 
 def shuffled(take: CountedMotion) -> CountedMotion:
-    """The take in pieces of half a second to two seconds in random order: motion that has no count.
+    """The take in pieces of half a second to two seconds in random order, which is motion without counts.
 
-    Its counts stay as they were, so they are found as often as chance has it.
+    Its counts do not change, so they are found at chance level.
     """
     rng = np.random.default_rng(len(take.body_pos_m))
     pos_m, pieces, n_made = take.body_pos_m, [], 0
@@ -154,7 +154,7 @@ def shuffled(take: CountedMotion) -> CountedMotion:
 
 
 def calibration(net: MotionCountsNet, takes: Iterable[CountedMotion]) -> list[tuple[Floats, float]]:
-    """Facts about each take's counts as a network reads them, and the share of these that is right."""
+    """Features of each take's counts by a network, and the share of these counts that is right."""
     rows = []
     for take in takes:
         curves = net.curves(take.body_pos_m)
@@ -201,7 +201,7 @@ def trials_by_song(recorded: Sequence[RecordedTake], built_in: Sequence[CountedM
 
 
 def trials_by_figure(recorded: Sequence[RecordedTake], built_in: Sequence[CountedMotion]) -> Iterator[Trial]:
-    """A song of each genre left out, and all its figures in whatever take they are danced again."""
+    """A song of each genre left out, and all its figures in all takes."""
     folds = song_folds(recorded)
     for fold in range(N_FOLDS):
         test: dict[str, RecordedTake] = {}

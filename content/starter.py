@@ -52,7 +52,7 @@ def _built_starter(
     takes = work / "takes"
     if not (takes / "manifest.csv").exists():
         write_takes(takes, take_specs(), report=report)
-    # Feet of rendered takes never slide: no foot lock needed.
+    # Feet of rendered takes never slide, so no foot lock is needed.
     options = BuildOptions(
         preset=preset, seed=seed, resume=True, lock_feet=False, pretrained="clean",
         keep_networks=preset == "small", compress=True, rollout=True,

@@ -1,8 +1,8 @@
-"""The takes of the built-in repertoire: every genre over the range of its tempi, written as a library folder.
+"""Writes the takes of the built-in repertoire, every genre over the range of its tempi, as a library folder.
 
 Each take is a synthesised song and a dance rendered to its true beats. They are written to a folder as BVH
-and FLAC with a manifest, their counts and figures as NAME.counts.csv, and the ground truth (beats, bars,
-sections, moves) as JSON, and imported with the folder importer, like any user's library.
+and FLAC with a manifest, with counts and figures as NAME.counts.csv and the ground truth (beats, bars,
+sections, moves) as JSON. The folder is then imported like the library of any user.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song,
 from content.moves.genres import GENRES
 from content.moves.sequencer import RenderedTake, render_take
 
-TAKES_PER_GENRE = 16  # many short ones, so that a dance of three minutes can stay in its genre and still vary
+TAKES_PER_GENRE = 16  # short ones, so that a dance of three minutes can stay in its genre and still vary
 DURATION_S = 20.0
 FPS = 30.0  # as stored, playback interpolates
 CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}

@@ -52,7 +52,7 @@ def style_songs(per_genre: int = SONGS_PER_GENRE) -> list[StyleSong]:
 
 
 def style_takes(sources: Iterable[str | Path], *, leave_out: Iterable[str] = ()) -> list[StyleTake]:
-    """Takes with music, as a build trains style on them. Raises as a build does."""
+    """Takes with music, as training data of style. Raises as a build does."""
     measured, _ = measured_takes(sources, BuildOptions(leave_out=tuple(leave_out)), None)
     songs = SongCache()
     return [style_take(m, songs) for m in measured if m.take.song_path is not None]
@@ -66,7 +66,7 @@ def built_in_style_takes(folder: Path) -> list[StyleTake]:
 
 
 def shipped_style_config(**changes: Any) -> StyleConfig:
-    """The configuration of shipped networks, which those of preset small begin with."""
+    """The configuration of the shipped networks, from which those of preset small start."""
     return style_config("small", **({"steps": STEPS} | changes))
 
 

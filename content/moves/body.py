@@ -1,4 +1,4 @@
-"""From keyframes to a motion: pelvis over the feet, legs by inverse kinematics, spine, head and arms."""
+"""Renders keyframes to motion: pelvis over the feet, legs by inverse kinematics, spine, head and arms."""
 
 from __future__ import annotations
 

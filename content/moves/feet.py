@@ -24,7 +24,7 @@ BALL_FROM_ANKLE_M = _SKELETON.offsets_m[_SKELETON.index("left_foot")]  # (3,)
 BALL_OVER_FLOOR_M = float(_SKELETON.rest_pos_m()[_SKELETON.index("left_foot")][1])
 _HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0.045])
 
-_SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, whatever the tempo
+_SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, at any tempo
 _UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: vertical at its start and end
 _HEEL_OFF_S = 0.17  # the heel starts to rise this long before the ball leaves
 _HEEL_OFF_RAD = np.radians(26.0)  # for a step of _FAR_M or more

@@ -1,4 +1,4 @@
-"""Songs with known counts for tests and benchmarks: plain, softened in the middle, spliced of two genres."""
+"""Songs with known counts for tests and benchmarks, some with a soft middle, some spliced from two genres."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ BENCHMARK_SONGS = (
 )
 
 
-# Songs whose middle third is soft: does a dance get smaller there?
+# Songs whose middle third is soft, to measure whether a dance gets smaller there.
 #
 # The middle third is played by the instruments of a break, and `SOFT_DB` softer. The outer ones are choruses.
 # Their seeds start at `FIRST_SEED`, so no network was trained on them.
@@ -83,7 +83,7 @@ _FADE_S = 0.05  # of the gain, around the bar lines
 
 
 def softened_song(genre: str, *, seed: int, duration_s: float = 60.0) -> SyntheticSong:
-    """A song of about this length in three equal sections, the middle one soft, at the middle of its tempi.
+    """A song of about this length in three equal sections, of which the middle one is soft.
 
     Raises `ParameterError` as `render_song` does.
     """
@@ -105,11 +105,11 @@ def _bars_of_third(style: SongStyle, duration_s: float) -> int:
     return max(1, round(duration_s / bar_s / 3.0))
 
 
-# Songs spliced from two genres: does a dance change where its music does?
+# Songs spliced from two genres, to measure whether a dance changes where its music does.
 #
-# Two songs of about `HALF_S`, each cut on a bar line: the second begins on its first downbeat where the
-# first one's next bar would. Every genre of the built-in takes comes first once and second once. Their seeds
-# start at `FIRST_SEED`, so no network was trained and no setting tuned on them.
+# They consist of two songs of about `HALF_S`, each cut on a bar line. The first downbeat of the second song
+# is at the place of the next bar of the first one. Every genre of the built-in takes is first once and second
+# once. Their seeds start at `FIRST_SEED`, so no network was trained and no setting tuned on them.
 
 
 FIRST_SPLICED_SEED = 6000
@@ -121,7 +121,7 @@ _SPLICE_FADE_S = 0.02  # at both cuts, against clicks
 
 @dataclass(frozen=True, eq=False)
 class SplicedAudio:
-    """A rendered song of two halves, with what is true of it."""
+    """A rendered song of two halves, with its ground truth."""
 
     samples: NDArray[np.float32]  # (S, 2) at 44.1 kHz
     counts: Counts  # its beats, with their numbers in the bar

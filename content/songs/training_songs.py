@@ -1,4 +1,4 @@
-"""Any number of songs whose counts are known, in styles made of other styles."""
+"""Any number of songs with known counts, in styles that combine other styles."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.music.synthesis.style import STEPS_PER_BEAT, Lane, Part, SongStyle
 
-# Styles made of other styles: in other metres, with other instruments, with drums at half or double time.
+# Styles made of other styles, in other metres, with other instruments, or with drums at half or double time.
 #
 # The training songs of a network must vary more than the genres as written, or the network overfits them.
 
@@ -43,7 +43,7 @@ def in_three(style: SongStyle, *, dropped: int) -> SongStyle:
 
 
 def in_six(style: SongStyle) -> SongStyle:
-    """A style in three with two of its bars in one: the second softer, chords as long as both.
+    """A style in three with two of its bars in one. The second one is softer, and chords last both.
 
     `ParameterError` for another metre.
     """
@@ -67,7 +67,7 @@ def half_time_drums(style: SongStyle) -> SongStyle:
 
 
 def double_time_drums(style: SongStyle) -> SongStyle:
-    """The drums at twice the tempo of the beats. What lies between their new steps is left out."""
+    """The drums at twice the tempo of the beats. Hits between their new steps are left out."""
     lanes = _repatterned(style.lanes, lambda pattern: 2 * pattern[::2])
     return replace(style, name=f"{style.name} at double time", lanes=lanes)
 
@@ -110,10 +110,10 @@ def _expect_metre(style: SongStyle, metre: int) -> None:
         raise ParameterError(f"expected a style in {metre}, got {style.name!r} in {style.beats_per_bar}")
 
 
-# Songs without end whose counts are known: what trackers of beats and bars are trained on and measured by.
+# Any number of songs with known counts, on which trackers of beats and bars are trained and measured.
 #
-# Each has a kind, so that a table can say what a tracker is good at. The seeds of training songs start at
-# `FIRST_SEED`, those to measure by at `FIRST_UNSEEN_SEED`.
+# Each song has a kind, so that a table can show the results of a tracker by kind. The seeds of training songs
+# start at `FIRST_SEED`, and those of test songs at `FIRST_UNSEEN_SEED`.
 #
 # Six in a bar is counted as two threes, as dancers do.
 
@@ -144,11 +144,10 @@ class CountedSong:
 def counted_song(
     genre: str, kind: str, *, seed: int, duration_s: float = 50.0, others: Sequence[str] = tuple(STYLES)
 ) -> CountedSong:
-    """A song of a kind of about this length. All that the kind leaves open is drawn from the seed.
+    """A song of a kind of about this length. Everything that the kind does not determine is drawn at random.
 
-    It may have the drums of one of the genres `others`. A kind that needs another metre than the genre's
-    changes it ("three", "six").
-    Raises `ParameterError` for an unknown genre or kind.
+    It may have the drums of one of the genres `others`. Some kinds change the metre of the genre ("three",
+    "six"). Raises `ParameterError` for an unknown genre or kind.
     """
     if genre not in STYLES or kind not in KINDS:
         raise ParameterError(
@@ -216,7 +215,7 @@ def _voices_by_role() -> dict[str, Sequence[str]]:
 def _free_tempo(
     bpm: float, duration_s: float, kind: str, rng: np.random.Generator
 ) -> list[tuple[float, float]]:
-    """A tempo that wanders by a few per cent throughout, or by more in the first bars alone."""
+    """A tempo that varies by a few per cent throughout, or by more in the first bars alone."""
     n_beats = bpm * duration_s / 60.0
     if kind == "wandering":
         beats = np.arange(0.0, n_beats, 6.0)
@@ -250,7 +249,7 @@ def _with_breaks(song: SyntheticSong, rng: np.random.Generator) -> NDArray[np.fl
 
 
 def drawn_song(seed: int, genres: Sequence[str] = tuple(STYLES), *, duration_s: float = 50.0) -> CountedSong:
-    """A song of any genre and kind, drawn from the seed: threes are a third of all."""
+    """A song of any genre and kind, drawn at random, a third of them in three."""
     rng = np.random.default_rng([seed, 0])
     genre, kind = str(rng.choice(genres)), str(rng.choice(KINDS, p=_KIND_SHARES))
     return counted_song(genre, kind, seed=seed, duration_s=duration_s, others=genres)
