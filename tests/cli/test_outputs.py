@@ -261,7 +261,7 @@ def test_a_recording_beside_its_song_stays(tmp_path, monkeypatch, db, song):
         danced = run(*dance)
         assert danced.exit_code == 0, danced.output
         assert (
-            "note: walk.bvh is no dance" in danced.stderr
+            "note: walk.bvh is not a dance" in danced.stderr
             and "walk-new.bvh and walk-new.html" in danced.stderr
         )
         assert sorted(path.name for path in tmp_path.iterdir()) == [
