@@ -112,7 +112,7 @@ def convert(
 @click.option(
     "-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb or .fbx)."
 )
-@click.option("--map", "map_path", type=_FILE, help="Map of its bones, as written by --save-map (.json).")
+@click.option("--map", "map_path", type=_FILE, help="Map of the bones, as written by --save-map (.json).")
 @click.option("--save-map", type=_FILE, help="Write the map of bones that were found (.json), to be edited.")
 def retarget(
     motion: Path, character: Path, output: Path, map_path: Path | None, save_map: Path | None

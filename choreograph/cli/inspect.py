@@ -40,7 +40,7 @@ _N_COMMON = 5  # motifs shown of each genre
     ),
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the content as JSON.")
 @click.option(
     "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
     help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
@@ -242,7 +242,7 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
     ),
 )
 @click.option(
-    "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy them to a folder."
+    "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy the songs to a folder."
 )
 @click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
 @click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")

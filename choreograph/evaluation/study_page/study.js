@@ -49,7 +49,7 @@ class Study {
     addEventListener("keydown", (event) => this.#key(event));
   }
 
-  // Goes to a dance or pair and plays it; past the last one, to the end of the study.
+  // Goes to a dance or pair and plays it, or after the last one to the end of the study.
   async go(index) {
     if (index < 0) return;
     if (index >= this.answers.items.length) { this.finish(); return; }
@@ -115,7 +115,7 @@ class Study {
     const parts = [];
     if (single) parts.push(`${single} short dances and answer ${questions.length} questions about each, from 0 (very poor) to 5 (excellent)`);
     if (pairs.length) parts.push(`${pairs.length} pair${pairs.length > 1 ? "s" : ""} of dances, A and B, and choose one of the two for each question`);
-    $("task").textContent = `You will see ${parts.join("; then ")}. ${sound ? "Please turn the sound on." : "There is no sound."}`;
+    $("task").textContent = `You will see ${parts.join(", then ")}. ${sound ? "Please turn the sound on." : "There is no sound."}`;
     $("rater-name").value = this.answers.name;
     $("begin").textContent = Object.keys(this.answers.state.answers).length ? "Continue" : "Start";
     this.player.pause();

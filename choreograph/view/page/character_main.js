@@ -30,4 +30,4 @@ const dance = JSON.parse(consumeText("dance"));
 await loadThree();
 const { figure, trouble } = await loadFigure(dance);
 await openPage(dance, figure, CharacterRenderer.open(document.getElementById("view")));
-if (trouble) notice(`The character cannot be shown as it is: ${trouble}`);
+if (trouble) notice(`The character cannot be shown correctly: ${trouble}`);

@@ -27,7 +27,7 @@ class Page {
     new Controls(this.player, this.stage.camera, this.timeline, () => this.stage.wake());
     new OrbitControls(this.stage);
     if (!renderer) {
-      notice("This browser has no WebGL 2 to draw the dancer with. The song and the timeline still work.");
+      notice("This browser does not support WebGL 2, so the dancer is not shown. The song and the timeline still work.");
     }
     this.player.addEventListener("soundlost", () => {
       notice("This browser cannot play the song. The dance continues without sound.");

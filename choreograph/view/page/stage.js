@@ -6,7 +6,7 @@ import { Camera } from "./camera.js";
 const SETTLED_MS = 120;
 
 export class Stage {
-  // onFrame gets the time shown, after each frame; the renderer is null without WebGL 2.
+  // onFrame gets the time shown, after each frame. The renderer is null without WebGL 2.
   constructor(canvas, renderer, onFrame) {
     Object.assign(this, { canvas, renderer, onFrame });
     this.drawn = 0;
@@ -23,7 +23,7 @@ export class Stage {
     this.wake();
   }
 
-  // Request a frame; while the dance plays, each frame requests the next.
+  // Request a frame. While the dance plays, each frame requests the next.
   wake() {
     clearTimeout(this.settling);
     this.still = false;

@@ -21,7 +21,7 @@ export class Timeline {
     this.pointer = document.getElementById("pointer");
     this.range = document.getElementById("range");
     this.fromS = 0;
-    this.zoom = null; // pixels a second; null: the default
+    this.zoom = null; // pixels per second, null for the default
     this.wasInside = true;
     this.element.setAttribute("aria-valuemax", this.durationS.toFixed(2));
     new Gestures(this);
@@ -35,7 +35,7 @@ export class Timeline {
 
   recolour(colours) { this.colours = colours; this.redraw(); }
 
-  // Zoom by a factor; the time at x stays in place.
+  // Zoom by a factor. The time at x stays in place.
   zoomBy(factor, x = this.width / 2) {
     const still = this.timeAt(x);
     this.zoom = clamp(this.pxPerS * factor, this.width / this.durationS, MAX_PX_PER_S);
@@ -52,7 +52,7 @@ export class Timeline {
 
   #inside(timeS) { return timeS >= this.fromS && timeS <= this.fromS + this.shownS; }
 
-  // Move the playhead; jump to the next part when it leaves the view.
+  // Move the playhead, and jump to the next part when it leaves the view.
   show(timeS) {
     if (!this.#inside(timeS) && this.wasInside) {
       this.fromS = clamp(timeS - PAGE_AT * this.shownS, 0, Math.max(0, this.durationS - this.shownS));
@@ -142,7 +142,7 @@ export class Timeline {
     }
   }
 
-  // The number of every count in place of its tick; false where there is no room for them.
+  // The number of every count in place of its tick, or false if there is no room for them.
   #drawNumbers(context, top) {
     const { times, numbers } = this.counts;
     if (!numbers.length || (this.durationS * this.pxPerS) / numbers.length < NUMBER_PX) return false;
@@ -184,7 +184,7 @@ export class Timeline {
     return low;
   }
 
-  // One block for each second or motion word, with its motif number; blocks that are contiguous in their take touch.
+  // One block for each second or motion word, with its motif number. Blocks that are contiguous in their take touch.
   #drawBlocks(context, fromS, pxPerS, [top, bottom], radius) {
     const { blocks } = this.dance;
     const first = this.blockAt(fromS), last = this.blockAt(fromS + context.canvas.clientWidth / pxPerS);
