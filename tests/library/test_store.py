@@ -58,7 +58,8 @@ def test_doubt_is_stored_where_a_network_counted(tmp_path):
     assert not set(UNCERTAINTY) & set(synthetic_contents(takes).arrays)
     given_counts, read = takes[0].take.counts, takes[1].take.counts
     uncertainty = np.linspace(0.1, 0.6, len(read))
-    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=replace(read, uncertainty=uncertainty)))
+    estimated = replace(read, confidence=0.9, uncertainty=uncertainty)
+    takes[1] = replace(takes[1], take=replace(takes[1].take, counts=estimated))
     contents = synthetic_contents(takes)
     write_repertoire(tmp_path / "rep.h5", contents)
     repertoire = Repertoire.open(tmp_path / "rep.h5")
@@ -69,7 +70,9 @@ def test_doubt_is_stored_where_a_network_counted(tmp_path):
         clips, np.full(2, 30.0), np.full(2, 50.0)
     )  # 2 s from their starts
     middle_s = repertoire.clip_start_s(int(clips[1])) + 2.0
-    assert found == pytest.approx([0.0, np.interp(middle_s, read.times_s, uncertainty)], abs=1e-6)
+    # A tenth of the counts is expected to be wrong, at an uncertainty of a quarter.
+    expected = 0.1 * np.interp(middle_s, read.times_s, uncertainty) / 0.25
+    assert found == pytest.approx([0.0, expected], abs=1e-6)
     wrong = replace(contents, arrays={**contents.arrays, "counts/doubt": uncertainty})
     with pytest.raises(RepertoireError, match="counts/doubt"):
         write_repertoire(tmp_path / "rep.h5", wrong)
