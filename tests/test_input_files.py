@@ -1,4 +1,4 @@
-"""Files of strangers and files to be written: what is none, too large or read-only is refused in a line."""
+"""Files from untrusted sources and output files: those that cannot be used raise an error of one line."""
 
 from __future__ import annotations
 

@@ -179,11 +179,11 @@ def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
         try:
             yield kept
         except KeyboardInterrupt:
-            say(f"stopped: {len(kept)} dances are kept, --resume goes on from here", err=True)
+            say(f"stopped: {len(kept)} dances are kept, --resume continues from here", err=True)
             sys.exit(130)
         except ChoreographError as error:
             if len(kept):
-                raise type(error)(f"{error}; {len(kept)} dances are kept, --resume goes on") from error
+                raise type(error)(f"{error} ({len(kept)} dances are kept, --resume continues)") from error
             raise
 
 

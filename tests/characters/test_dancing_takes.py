@@ -1,6 +1,6 @@
 """Built-in takes on characters: feet stand on the floor and slide no more, hands stay out of the body.
 
-The characters wear the mannequin's skin, and what is looked at is that skin, as a player poses it.
+The characters have the skin of the mannequin. The tests measure this skin as a player poses it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Counts laid on beats: planted takes and songs whose counts, bars and figures are known."""
+"""Counts aligned with beats: planted takes and songs whose counts, bars and figures are known."""
 
 from __future__ import annotations
 

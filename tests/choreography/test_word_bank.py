@@ -1,4 +1,4 @@
-"""What the mixer looks at: poses around words' borders, and doubts about their motifs."""
+"""The features of words that the mixer compares: poses around their borders, and their motif margins."""
 
 from __future__ import annotations
 

@@ -150,7 +150,7 @@ def test_a_killed_command_goes_on(db, folder, tmp_path):
         _, told = process.communicate()
         assert not output.exists()
         if number == signal.SIGINT:
-            assert process.returncode == 130 and "--resume goes on" in told and "Traceback" not in told
+            assert process.returncode == 130 and "--resume continues" in told and "Traceback" not in told
     assert run(*arguments, "--resume").exit_code == 0
     resumed = output.read_text()
     assert run(*arguments).exit_code == 0

@@ -1,4 +1,4 @@
-"""Takes of strangers: pickles run no code, archives hold what they unpack to, lists stay in the folder."""
+"""Takes from untrusted sources: pickles run no code, archives have a limit, lists stay in the folder."""
 
 from __future__ import annotations
 

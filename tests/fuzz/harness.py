@@ -4,7 +4,7 @@ Other failures are CPU time that grows faster than the input, sane files that ar
 no longer the same when they are written and read again.
 
 A child works through the inputs of one target for a while and tells its parent of each, so that the parent
-knows which one a child that died or hung was at. Inputs follow from the seed and their number.
+has the input at which a child died or hung. Inputs follow from the seed and their number.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def _in_child(target: Target, tally: Tally, make: Callable[[int], Input], last: 
     gc.unfreeze()
     os.close(to_parent)
     hung = False
-    with os.fdopen(from_child, "rb", buffering=0) as lines:  # `select` knows nothing of a buffer
+    with os.fdopen(from_child, "rb", buffering=0) as lines:  # `select` ignores a buffer
         while not hung:
             ready, _, _ = select.select([lines], [], [], WALL_S)
             hung = not ready

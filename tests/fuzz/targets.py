@@ -1,4 +1,4 @@
-"""Everything that is read of a stranger's files, with good files to begin with."""
+"""Everything that is read from untrusted files, with good files to start from."""
 
 from __future__ import annotations
 

@@ -171,7 +171,7 @@ def targets(tmp_path_factory):
 
 @pytest.mark.slow
 def test_good_files_are_read(targets):
-    """Else nothing of what is changed in them would be looked at. Sane files have tests of their own."""
+    """Otherwise no changed part of them would be read. Good files have tests of their own."""
     for target in targets:
         tally = accepted(replace(target, sane=()))
         assert (tally.was_read, tally.failures) == (len(target.seeds), {}), target.name

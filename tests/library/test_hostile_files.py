@@ -1,4 +1,4 @@
-"""Repertoires of strangers: what is stored in them is refused in a line, at little cost of memory."""
+"""Repertoires from untrusted sources: damaged content is refused in one line, with little memory."""
 
 from __future__ import annotations
 

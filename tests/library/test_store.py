@@ -52,8 +52,8 @@ def path(contents, tmp_path_factory):
     return path
 
 
-def test_doubt_is_stored_where_a_network_counted(tmp_path):
-    """Of two takes one is counted by a network; a file with doubts of other counts is refused."""
+def test_uncertainty_is_stored_where_a_network_counted(tmp_path):
+    """The counts of one of two takes are estimated. A file with uncertainty of other counts is refused."""
     takes = with_counts(synthetic_takes())
     assert not set(UNCERTAINTY) & set(synthetic_contents(takes).arrays)
     given_counts, read = takes[0].take.counts, takes[1].take.counts

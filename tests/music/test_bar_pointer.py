@@ -142,7 +142,7 @@ def test_doubt_is_where_curves_disagree_with_the_counts(fps, beat, bar):
 
 
 def test_curves_that_change_their_phase_leave_doubt():
-    """Half a beat more from the middle on: a pointer that must keep its tempo doubts its counts there."""
+    """Half a beat more from the middle on: a pointer that must keep its tempo is uncertain there."""
     position = positions(120.0, 60.0, 20.0)
     position[600:] += 0.5
     steady = PointerConfig(tempo_std=1e-4, break_cost=1e6)

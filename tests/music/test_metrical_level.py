@@ -42,7 +42,7 @@ def test_a_level_is_held_against_takes_of_its_own_metre():
 
 
 def test_bars_heard_wrongly_do_not_double_the_tempo():
-    """A song of four that was heard in threes: takes in four are not danced at twice their tempo for it."""
+    """A song in four that was tracked in three: takes in four are not danced at twice their tempo for it."""
     heard_in_three, doubled = counted(108, metre=3), counted(216)
     assert choose_level((heard_in_three, doubled), *takes(m4=[100.0])) is heard_in_three
     assert choose_level((heard_in_three, doubled), *takes(m4=[180.0])) is doubled

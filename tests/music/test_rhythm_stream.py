@@ -1,4 +1,4 @@
-"""Rhythm of music that is still playing: near that of the whole song, and a function of what was heard."""
+"""Rhythm of a stream of music: near that of the whole song, and a function of the samples so far."""
 
 import numpy as np
 import pytest

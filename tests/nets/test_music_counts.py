@@ -1,4 +1,4 @@
-"""The network that hears counts: its excerpts, its input, what a tiny one learns, and its files."""
+"""The beat-tracking network: its excerpts, its input, what a tiny one learns, and its files."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_activations_stay_on_the_beats_of_a_resampled_song(tempo, start_s):
 
 @given(st.floats(-20, 20), st.integers(0, 50))
 @settings(max_examples=20, deadline=None)
-def test_gain_and_equalisation_are_not_heard(gain, seed):
+def test_gain_and_equalisation_do_not_change_the_input(gain, seed):
     mel = clicks().log_mel - 3.0
     response = np.random.default_rng(seed).normal(0, 0.4, 96).astype(np.float32)
     np.testing.assert_allclose(levelled(mel + np.float32(gain)), levelled(mel), atol=1e-3)
@@ -110,12 +110,12 @@ def test_augmented_songs_still_have_their_beats():
     """The mean rise at the beats stays above that elsewhere, in nearly every recording."""
     song = clicks()
     frames = np.rint(song.counts.times_s * 60).astype(int)
-    heard = 0
+    n_kept = 0
     for seed in range(20):
         mel = augmented(song.log_mel.copy(), np.random.default_rng(seed))
         rise = np.maximum(0, np.diff(mel, axis=0, prepend=mel[:1])).mean(axis=1)
-        heard += np.mean([rise[f - 1 : f + 2].max() for f in frames]) > 1.5 * np.median(rise)
-    assert heard >= 17
+        n_kept += np.mean([rise[f - 1 : f + 2].max() for f in frames]) > 1.5 * np.median(rise)
+    assert n_kept >= 17
 
 
 def test_a_batch_has_its_shapes_and_its_truth():
@@ -143,16 +143,16 @@ def test_a_tiny_network_learns_the_counts_of_clicks():
     config = music_counts_config("tiny", steps=160)
     net = train_music_counts([clicks(), clicks(metre=3), clicks(bpm=95)], config, seed=0)
     song = clicks(bpm=108.0, first_s=0.9)
-    heard = net.curves(song.log_mel)
-    activated = activated_beats(heard, song.log_mel)
-    for beats_s in (decoded_beats(heard)[0], activated, network_beats(song.log_mel, net)):
+    curves = net.curves(song.log_mel)
+    activated = activated_beats(curves, song.log_mel)
+    for beats_s in (decoded_beats(curves)[0], activated, network_beats(song.log_mel, net)):
         assert f_score(beats_s, song.counts.times_s) > 0.85
     on_beat = np.rint(song.counts.times_s * CURVE_FPS).astype(int)
-    assert heard.beat[on_beat].mean() > 2 * heard.beat.mean()
+    assert curves.beat[on_beat].mean() > 2 * curves.beat.mean()
 
 
 class Planted:
-    """A network that hears beats at 100 BPM by activation, and phases of another tempo, however sure."""
+    """A network with beats at 100 BPM in its activation, and phases of another tempo at any confidence."""
 
     def __init__(self, phase_bpm: float, concentration: float) -> None:
         turns = np.arange(900) / CURVE_FPS * phase_bpm / 60
@@ -162,10 +162,10 @@ class Planted:
         activation = 0.02 * np.abs(noise[1])
         activation[np.arange(5, 900, 18)] = 0.9
         bars = np.zeros((900, len(METRES), 2))
-        self.heard = MusicCurves(activation, activation, PhaseCurves(vectors, bars, CURVE_FPS))
+        self.curves_of_song = MusicCurves(activation, activation, PhaseCurves(vectors, bars, CURVE_FPS))
 
     def curves(self, log_mel):
-        return self.heard
+        return self.curves_of_song
 
 
 @pytest.mark.parametrize(("concentration", "bpm"), [(3.0, 150.0), (0.5, 100.0)])
@@ -175,10 +175,10 @@ def test_sure_phases_are_followed_and_else_the_activation(concentration, bpm):
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 61, 600])
-def test_any_length_is_heard_at_half_the_rate(n_frames):
+def test_curves_of_any_length_have_half_the_rate(n_frames):
     net = MusicCounts(TINY).eval()
-    heard = net.curves(clicks().log_mel[:n_frames])
-    assert len(heard.beat) == len(heard.downbeat) == len(heard.phases.beat) == (n_frames + 1) // 2
+    curves = net.curves(clicks().log_mel[:n_frames])
+    assert len(curves.beat) == len(curves.downbeat) == len(curves.phases.beat) == (n_frames + 1) // 2
 
 
 @pytest.mark.parametrize("mel", [np.zeros((10, 4)), np.zeros((0, 96)), np.zeros(96)])
@@ -200,7 +200,7 @@ def test_beats_lie_inside_the_song():
     assert len(beats_s) and (np.diff(beats_s) > 0).all() and beats_s[0] >= 0 and beats_s[-1] < 7.5
 
 
-def test_weights_come_back_in_half_precision_with_what_they_heard(tmp_path):
+def test_weights_come_back_in_half_precision_with_their_training_songs(tmp_path):
     net = MusicCounts(TINY).eval()
     write_music_counts(tmp_path / "net.npz", net, {"songs": 3})
     again, about = read_music_counts(tmp_path / "net.npz")
@@ -217,7 +217,7 @@ def test_another_file_is_refused(tmp_path):
             read_music_counts(tmp_path / name)
 
 
-def test_the_shipped_network_is_small_and_heard_the_synthesiser_alone():
+def test_the_shipped_network_is_small_and_trained_on_the_synthesiser_alone():
     assert SHIPPED.stat().st_size < 500_000
     _, about = read_music_counts(SHIPPED)
     assert about["songs"] > 100 and about["without_genres"] == about["real"] == []
@@ -226,7 +226,7 @@ def test_the_shipped_network_is_small_and_heard_the_synthesiser_alone():
 @pytest.mark.slow
 @pytest.mark.parametrize("genre", ["salsa", "waltz"])
 def test_the_shipped_network_keeps_a_fast_genre_at_its_own_tempo(genre):
-    """At 175 BPM, which a prior on tempi halves; the seed is none that it heard."""
+    """At 175 BPM, which a prior on tempi halves; the seed is not among its training songs."""
     rendered = render_song(genre, bpm=175.0, duration_s=25.0, seed=FIRST_UNSEEN_SEED + 901)
     mono = soxr.resample(rendered.samples.mean(axis=1), RATE_HZ, SAMPLE_RATE_HZ)
     beats_s = network_beats(log_mel(mono), shipped_music_counts())

@@ -1,4 +1,4 @@
-"""Experts' dances: planted takes that rest on their counts, laid on songs of clicks."""
+"""Experts' dances: planted takes that rest on their counts, aligned with songs of clicks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pieces laid on beats: takes that rest on their counts come to rest on the song's beats."""
+"""Pieces aligned with beats: takes that rest on their counts rest on the beats of the song."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clicks are heard on the counts, higher on count 1, over the song and in silence, and nothing clips."""
+"""Clicks sound on the counts, higher on count 1, over the song and in silence, and nothing clips."""
 
 from __future__ import annotations
 
