@@ -50,8 +50,9 @@ class SectionGoal:
 class Material:
     """The material of a dance to one song.
 
-    The words of a dance begin on `counts`. They are the beats of the song. If a requested genre has another
-    metre, they are its counts on the bars of the song (`counts_on_bars`).
+    A dance is danced on `counts`. They are the beats of the song. If all takes of a requested genre, or all
+    that may be danced, are in other metres, they are the counts of these on the bars of the song
+    (`counts_on_bars`).
     """
 
     goals: tuple[SectionGoal, ...]  # in order, the first from second 0 on. None without motifs
@@ -88,7 +89,12 @@ def choose_material(
     """
     if constraints.genre is None and constraints.signature is None:
         goals, notes = _likely_goals(song_features, repertoire, constraints)
-        return Material(tuple(goals), song_features.counts, notes)
+        banned = {ban.take or ban.genre for ban in constraints.bans}
+        allowed = np.array([banned.isdisjoint((t.name, t.credits.genre)) for t in repertoire.takes])
+        counts, metre_notes = _counts_of_takes(
+            song_features.counts, repertoire, allowed, "all that may be danced"
+        )
+        return Material(tuple(goals), counts, notes, metre_notes)
     goal = _requested_goal(repertoire, constraints)
     counts, metre_notes = _counts_of_takes(
         song_features.counts, repertoire, goal.takes, goal.genre or "the signature"

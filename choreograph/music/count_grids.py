@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from choreograph.core.counts import NO_COUNTS, Counts, Figure, numbers_in_bar
+from choreograph.core.counts import Counts, Figure
 from choreograph.core.numerics import Floats
-from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
+from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
 
 # Micro-timing: accents of a take that are close to the count are moved onto it.
 
@@ -62,6 +61,7 @@ FEWEST_COUNTS = 4  # of a song or a take whose counts are used
 _STIFFNESS = 20.0  # of the grid, by its third difference, which removes jitter of 10 ms
 _MAX_SHIFT_S = 0.03  # largest shift of a beat, also where the tempo changes suddenly
 _PADDING = 64  # counts added beyond both ends, at the period there
+_EASED = np.linspace(-0.25, 0.25, 5)  # of a period, around a time whose index is the mean
 _DANCED_PADDING = 4  # added counts that a time map may use, since a take continues its counts for so long
 _INSIDE_FIGURE = 0.6
 
@@ -97,19 +97,24 @@ def steady_times_s(times_s: Floats) -> Floats:
 class SongGrid:
     """The grid of a song's beats. Every instant has a beat index, which is fractional between beats."""
 
-    times_s: Floats  # (Q,) steady, padded far beyond both ends of the song
+    times_s: Floats  # (Q,) steady or eased, padded far beyond both ends of the song
     numbers: NDArray[np.int64]  # (Q,) in the bar, or 0 where bars are not known
+    eased: bool = False
 
     @classmethod
-    def of(cls, counts: Counts, duration_s: float) -> SongGrid | None:
-        """The grid of a song's beats, or None if it has too few."""
+    def of(cls, counts: Counts, duration_s: float, *, eased: bool = False) -> SongGrid | None:
+        """The grid of a song's beats, or None if it has too few.
+
+        Counts of unequal lengths are `eased`: the index between them changes its speed gradually. They are
+        those of another metre, on the bars of the song.
+        """
         if len(counts) < FEWEST_COUNTS:
             return None
-        times_s = steady_times_s(counts.times_s)
+        times_s = counts.times_s if eased else steady_times_s(counts.times_s)
         first_s, last_s = _end_periods_s(times_s)
         n_before = 2 + int(np.ceil(times_s[0] / first_s))
         n_after = 2 + int(np.ceil((duration_s + SEGMENT_FRAMES / NET_FPS - times_s[-1]) / last_s))
-        return cls(*_padded(counts, max(2, n_before), max(2, n_after)))
+        return cls(*_padded(counts, times_s, max(2, n_before), max(2, n_after)), eased)
 
     @cached_property
     def period_s(self) -> Floats:
@@ -118,7 +123,11 @@ class SongGrid:
 
     def index_at(self, times_s: Floats) -> Floats:
         """The fractional beat index at each time."""
-        return np.interp(times_s, self.times_s, np.arange(len(self.times_s)))
+        index = np.arange(len(self.times_s))
+        if not self.eased:
+            return np.interp(times_s, self.times_s, index)
+        around_s = np.median(np.diff(self.times_s)) * _EASED
+        return np.mean([np.interp(times_s + offset, self.times_s, index) for offset in around_s], axis=0)
 
     def time_at(self, index: float) -> float:
         """The time of a fractional beat index."""
@@ -136,11 +145,8 @@ def _end_periods_s(times_s: Floats) -> tuple[float, float]:
     return float(np.median(periods_s[:8])), float(np.median(periods_s[-8:]))
 
 
-def _padded(
-    counts: Counts, n_before: int, n_after: int, *, steady: bool = True
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Steady times and numbers, continued beyond both ends with the period and the bars there."""
-    times = steady_times_s(counts.times_s) if steady else counts.times_s
+def _padded(counts: Counts, times: Floats, n_before: int, n_after: int) -> tuple[Floats, NDArray[np.int64]]:
+    """Times (Q,) and numbers of counts, continued beyond both ends with the period and the bars there."""
     first_s, last_s = _end_periods_s(times)
     before = times[0] - first_s * np.arange(n_before, 0, -1)
     after = times[-1] + last_s * np.arange(1, n_after + 1)
@@ -155,58 +161,6 @@ def _padded(
     return np.concatenate([before, times, after]), numbers if counts.has_bars else np.zeros_like(numbers)
 
 
-# Takes in another metre than the song: their bars lie on the bars of the song.
-
-
-_BARS = ((1, 1), (2, 1), (1, 2))  # of the take in how many of the song
-_OTHER_BARS = 0.5  # octaves of tempo that one bar in one bar is worth
-_EASED = np.linspace(-0.25, 0.25, 5)  # of a beat, over which the speed changes between counts
-
-
-def bars_in_metre(counts: Counts, metre: int, beat_s: float) -> Counts:
-    """The beats of a song in `metre`, of `beat_s` seconds each, as counts of a take in another metre.
-
-    A bar of the take lasts a bar of the song, or half of one, or two. If it has fewer counts than there are
-    beats, each of its counts lies on a beat, and long counts come first: a bar of waltz in a bar of four is
-    danced slow, quick, quick. If it has more, each beat has a count, and the last beats have two. Of the ways
-    that keep the speed between 0.5 and 2, it is the one nearest to the take's own tempo. `NO_COUNTS` if there
-    is none, or no whole bar.
-    """
-    times_s = steady_times_s(counts.times_s)
-    count_s = float(np.median(np.diff(times_s)))
-    ways = []
-    for of_take, of_song in _BARS:
-        n_counts, n_beats = of_take * counts.metre, of_song * metre
-        speeds = np.diff(_beats_in_counts(n_counts, n_beats)) * count_s / beat_s
-        if speeds.min() >= MIN_SLOPE and speeds.max() <= MAX_SLOPE:
-            away = abs(np.log2(speeds.mean())) + _OTHER_BARS * (of_take != of_song)
-            ways.append((away, of_take, n_beats))
-    if not ways:
-        return NO_COUNTS
-    _, of_take, n_beats = min(ways)
-    borders = np.flatnonzero(counts.numbers == 1)[::of_take]
-    if len(borders) < 2:
-        return NO_COUNTS
-    bars = [first + _beats_in_counts(stop - first, n_beats)[:-1] for first, stop in pairwise(borders)]
-    index = np.concatenate([*bars, borders[-1:]])
-    return replace(
-        counts,
-        times_s=np.interp(index, np.arange(len(times_s)), times_s),
-        numbers=numbers_in_bar(len(index), metre),
-        metre=metre,
-        uncertainty=np.zeros(0),
-    )
-
-
-def _beats_in_counts(n_counts: int, n_beats: int) -> Floats:
-    """The places (n_beats + 1,) of the beats of a bar among its counts, 0 to `n_counts`, its end included."""
-    beats = np.arange(n_beats + 1)
-    if n_counts >= n_beats:
-        return (beats * n_counts // n_beats).astype(np.float64)
-    counts = np.arange(n_counts + 1)
-    return np.interp(beats, -(-counts * n_beats // n_counts), counts)
-
-
 class TakeGrids:
     """The counts of all takes of a repertoire, concatenated, with counts added beyond the ends of takes."""
 
@@ -215,19 +169,14 @@ class TakeGrids:
         counts: Sequence[Counts],
         figures: Sequence[Sequence[Figure]],
         motion_beats_s: Sequence[Floats] | None = None,
-        eased: NDArray[np.bool_] | None = None,
     ) -> None:
-        """The grids of takes by their counts, figures and motion beats, for micro-timing.
-
-        `eased` takes (takes,) have counts of unequal lengths, between which the speed changes gradually.
-        """
+        """The grids of takes by their counts, figures and motion beats, for micro-timing."""
         self.counted = np.array([len(take) >= FEWEST_COUNTS for take in counts], bool)  # (takes,)
-        self.eased = np.zeros(len(counts), bool) if eased is None else eased
         parts = [
-            _padded(take, _PADDING, _PADDING, steady=not uneven)
+            _padded(take, steady_times_s(take.times_s), _PADDING, _PADDING)
             if known
             else (np.zeros(1), np.zeros(1, np.int64))
-            for take, known, uneven in zip(counts, self.counted, self.eased, strict=True)
+            for take, known in zip(counts, self.counted, strict=True)
         ]
         lengths = np.array([len(times) for times, _ in parts], np.int64)
         self.start = np.cumsum(lengths) - lengths  # (takes,) row of each take's first padded count
@@ -247,14 +196,6 @@ class TakeGrids:
 
     def count_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
         """Times in their takes (K, T) at fractional count indices (K, T)."""
-        times_s = self._count_s(take, index)
-        eased = self.eased[take]
-        if eased.any():
-            around = [self._count_s(take[eased], index[eased] + offset) for offset in _EASED]
-            times_s[eased] = np.mean(around, axis=0)
-        return times_s
-
-    def _count_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
         last = (self.start + self.n_counts - 1)[take][:, None]
         row = np.clip(index + self.start[take][:, None], self.start[take][:, None], last - 1e-9)
         low = np.minimum(row.astype(np.int64), last - 1)

@@ -15,7 +15,7 @@ from synthetic_repertoire import (
     with_vocabulary,
 )
 
-from choreograph.choreography.constraints import make_constraints
+from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.material import Material, choose_material, counts_on_bars, takes_of_signature
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.library.motifs import ALL_GENRES
@@ -202,3 +202,17 @@ def test_a_requested_genre_of_another_metre_is_laid_on_the_bars_and_noted(tmp_pa
     assert made.metre_notes == ("the bars of takes in 3 (waltz) are danced on bars in 4",)
     made = choose_material(features, repertoire, make_constraints(genre="rumba"))
     assert made.counts is features.counts and made.metre_notes == ()
+
+
+def test_takes_are_laid_on_the_bars_if_none_that_may_be_danced_is_in_the_metre(tmp_path):
+    three = [in_three(take) if take.take.credits.genre == "waltz" else take for take in counted_takes()]
+    repertoire = planted(tmp_path / "rep.h5", three)
+    four, five = song(GENRES, beats(4, 12)), song(GENRES, beats(5, 12))
+    assert choose_material(four, repertoire, make_constraints()).counts is four.counts
+    made = choose_material(five, repertoire, make_constraints())
+    metre = made.counts.metre
+    assert metre in (3, 4) and np.isin(made.counts.downbeat_times_s, five.counts.times_s).all()
+    note = f"the bars of takes in {metre} (all that may be danced) are danced on bars in 5"
+    assert made.metre_notes == (note,)
+    others = [Ban(genre="rumba")]
+    assert choose_material(four, repertoire, make_constraints(bans=others)).counts.metre == 3

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from synthetic_counts import counted
 
 from choreograph.core.counts import NO_COUNTS, Counts, Figure, make_counts, numbers_in_bar
-from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE, SEGMENT_S
-from choreograph.music.count_grids import SongGrid, TakeGrids, bars_in_metre, steady_times_s
+from choreograph.core.timebase import SEGMENT_S
+from choreograph.music.count_grids import SongGrid, TakeGrids, steady_times_s
 
 
 def test_a_song_of_few_beats_has_no_grid():
@@ -91,62 +91,14 @@ def test_accents_of_a_take_counted_in_part_are_those_of_that_part():
     assert shift_s[~known][:-1] == pytest.approx(0.0)
 
 
-def in_counts(take: Counts, beats: Counts) -> np.ndarray:
-    """Where beats lie among the counts of a take, from the first one on."""
-    return np.interp(beats.times_s, take.times_s, np.arange(len(take))) - np.argmax(take.numbers == 1)
-
-
-@pytest.mark.parametrize(
-    ("take_metre", "count_s", "metre", "beat_s", "bars"),
-    [
-        (3, 0.66, 4, 0.5, [0, 0.5, 1, 2, 3]),  # slow, quick, quick
-        (3, 0.66, 5, 0.4, [0, 0.5, 1, 1.5, 2, 3]),
-        (3, 0.5, 7, 0.25, [0, 1 / 3, 2 / 3, 1, 1.5, 2, 2.5, 3]),
-        (4, 0.5, 3, 0.6, [0, 1, 2, 4]),  # two counts on the last beat
-        (3, 0.3, 4, 0.5, [0, 1, 3, 4, 6]),  # two bars in one
-        (3, 1.1, 4, 0.5, [0, 1 / 3, 2 / 3, 1, 4 / 3, 5 / 3, 2, 2.5, 3]),  # one bar in two
-        (4, 0.5, 6, 0.3, [0, 0.5, 1, 2, 2.5, 3, 4]),  # in two groups of three
-    ],
-)
-def test_bars_of_another_metre_are_laid_on_the_bars_of_the_song(take_metre, count_s, metre, beat_s, bars):
-    take = counted(count_s, metre=take_metre, first=2, length_s=20.0)
-    beats = bars_in_metre(take, metre, beat_s)
-    at, n_beats = in_counts(take, beats), len(bars) - 1
-    assert beats.metre == metre and beats.numbers[:metre].tolist() == [*range(1, metre + 1)]
-    assert len(at) > 2 * n_beats
-    for start in range(0, len(at) - n_beats, n_beats):
-        expected = start // n_beats * bars[-1] + np.array(bars)
-        assert at[start : start + n_beats + 1] == pytest.approx(expected, abs=1e-6)
-
-
-@settings(max_examples=60)
-@given(st.integers(2, 6), st.floats(0.25, 1.2), st.integers(2, 7), st.floats(0.51, 1.99))
-def test_bars_begin_together_and_the_speed_keeps_its_limits(take_metre, count_s, metre, bar_ratio):
-    beat_s = take_metre * count_s / metre / bar_ratio
-    take = counted(count_s, metre=take_metre, first_s=0.2, length_s=40.0)
-    beats = bars_in_metre(take, metre, beat_s)
-    assert len(beats)
-    fewer_s, more_s = sorted((take.downbeat_times_s, beats.downbeat_times_s), key=len)
-    inside = (fewer_s >= more_s[0] - 1e-6) & (fewer_s <= more_s[-1] + 1e-6)
-    assert np.abs(fewer_s[inside, None] - more_s).min(axis=1) == pytest.approx(0.0, abs=1e-6)
-    speeds = np.diff(beats.times_s) / beat_s
-    assert speeds.min() >= MIN_SLOPE - 1e-6 and speeds.max() <= MAX_SLOPE + 1e-6
-
-
-@pytest.mark.parametrize("count_s", [0.1, 5.0])
-def test_a_take_far_from_the_songs_tempo_has_no_bars_on_it(count_s):
-    assert bars_in_metre(counted(count_s, metre=3, length_s=40.0), 4, 0.5) is NO_COUNTS
-
-
-def test_the_speed_changes_gradually_between_long_and_short_counts():
-    take = counted(0.66, metre=3, length_s=30.0)
-    beats = bars_in_metre(take, 4, 0.5)
-    grids = TakeGrids([beats, take], [(), ()], eased=np.array([True, False]))
-    index = PADDING + np.linspace(0.0, 24.0, 24 * 10 + 1)
-    speed = np.diff(grids.count_s(np.array([0]), index[None])[0]) * 10 / 0.66
-    assert speed.min() == pytest.approx(0.5) and speed.max() == pytest.approx(1.0)
-    assert np.abs(np.diff(speed)).max() < 0.25
-    on_beats = grids.count_s(np.array([0]), index[None, ::10])[0]
-    assert on_beats == pytest.approx(beats.times_s[:25], abs=0.03)
-    steady = np.diff(grids.count_s(np.array([1]), index[None])[0]) * 10 / 0.66
-    assert steady == pytest.approx(1.0)
+def test_the_index_changes_its_speed_gradually_between_long_and_short_counts():
+    """A waltz on a song in four: slow, quick, quick."""
+    times_s = np.cumsum(np.tile([0.5, 1.0, 0.5], 10))
+    counts = make_counts(times_s, numbers_in_bar(30, 3, first=2), 3)
+    grid = SongGrid.of(counts, 20.0, eased=True)
+    first = int(np.searchsorted(grid.times_s, 1e-9))
+    assert grid.times_s[first : first + 30].tolist() == times_s.tolist()
+    assert grid.index_at(times_s[1:-1]) - first == pytest.approx(np.arange(1, 29), abs=0.07)
+    speed = np.diff(grid.index_at(np.arange(2.0, 18.0, 0.05))) / 0.05
+    assert speed.min() == pytest.approx(1.0) and speed.max() == pytest.approx(2.0)
+    assert np.abs(np.diff(speed)).max() < 0.5

@@ -13,7 +13,7 @@ from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, installed_costs
-from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, other_metre_notes
+from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers
 from choreograph.choreography.graph.layers import Layer, LayerSource
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
@@ -113,7 +113,9 @@ class GraphEngine:
         if constraints.constrains_motifs:
             with_words = partial(_with_words, plan, repertoire)
             plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
-        return EngineResult(plan, (*notes, *goal_notes, *other_metre_notes(plan, request)), motion)
+        if config.warping == "counts":
+            goal_notes = (*goal_notes, *request.material.metre_notes)
+        return EngineResult(plan, (*notes, *goal_notes), motion)
 
 
 def _unaligned_note(request: DanceRequest) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,17 +32,15 @@ from choreograph.choreography.selection import (
     select_clips,
     steps_mismatch,
 )
-from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import substage
 from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
-from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids, bars_in_metre
+from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.sections import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
 
 _OTHER_GENRE = 20.0  # a second: more than the other costs differ by, but less than a user's cost may be
 
@@ -209,8 +208,9 @@ def _signature_mismatch(
 
 def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
     """Confidence, 0 to 1, that each clip (N,) is of another metre than each second of the song."""
-    repertoire, features = request.repertoire, request.song_features
-    metre = np.array([counts.metre for counts in danced_counts(request)[0]])
+    repertoire = request.repertoire
+    features = replace(request.song_features, counts=request.material.counts)
+    metre = np.array([repertoire.counts(take).metre for take in range(len(repertoire.takes))])
     of_clip = metre[repertoire.clip_take]
     confidence = features.counts.confidence if request.config.warping == "counts" else 0.0
     metre_at = song_metre_at(features)
@@ -291,59 +291,17 @@ def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> Count
     """The clips of takes with counts, or None if there are none or counts are not used."""
     if request.config.warping != "counts":
         return None
-    repertoire = request.repertoire
+    repertoire, features, counts = request.repertoire, request.song_features, request.material.counts
     takes = range(len(repertoire.takes))
-    counts, in_other_metre = danced_counts(request)
     grids = TakeGrids(
-        counts,
+        [repertoire.counts(take) for take in takes],
         [repertoire.figures(take) for take in takes],
         [repertoire.motion_beats_s(take) for take in takes],
-        in_other_metre,
     )
-    song = SongGrid.of(request.song_features.counts, request.song_features.duration_s)
+    song = SongGrid.of(counts, features.duration_s, eased=counts is not features.counts)
     if song is None or not grids.counted.any():
         return None
     return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
-
-
-def danced_counts(request: DanceRequest) -> tuple[list[Counts], Mask]:
-    """The counts by which each take is danced, and which takes (takes,) are danced in the song's metre only.
-
-    Takes in another metre than the song are danced by their own counts, and cost what their bars differ. But
-    if all the takes that may be danced, or all of a requested genre or signature, are in other metres, their
-    bars are put on the song's (`bars_in_metre`). So are those of pinned takes.
-    """
-    repertoire, song = request.repertoire, request.song_features.counts
-    counts = [repertoire.counts(take) for take in range(len(repertoire.takes))]
-    in_other_metre = np.zeros(len(counts), bool)
-    if not song.has_bars or len(song) < FEWEST_COUNTS or request.config.warping != "counts":
-        return counts, in_other_metre
-    metre = np.array([len(own) >= FEWEST_COUNTS and own.metre for own in counts])
-    wanted = request.constraints.take_allowed.copy()
-    if request.material.is_requested:
-        wanted = request.material.goals[0].takes_among(wanted).copy()
-    if (metre[wanted] == song.metre).any():
-        wanted = np.zeros_like(wanted)
-    wanted[[repertoire.take_index(pin.take) for pin in request.constraints.requested.take_pins]] = True
-    beat_s = float(np.median(np.diff(song.times_s)))
-    for take in np.flatnonzero(wanted & (metre > 0) & (metre != song.metre)):
-        laid = bars_in_metre(counts[take], song.metre, beat_s)
-        if len(laid) >= FEWEST_COUNTS:
-            counts[take], in_other_metre[take] = laid, True
-    return counts, in_other_metre
-
-
-def other_metre_notes(plan: Plan, request: DanceRequest) -> tuple[str, ...]:
-    """A note if takes in another metre are danced on the song's bars."""
-    takes = request.repertoire.takes
-    danced_s = plan.takes_s()
-    of_plan = [i for i in np.flatnonzero(danced_counts(request)[1]).tolist() if takes[i].name in danced_s]
-    if not of_plan:
-        return ()
-    metres = sorted({request.repertoire.counts(i).metre for i in of_plan})
-    of = ", ".join(sorted({takes[i].credits.genre or takes[i].name for i in of_plan}))
-    metre = request.song_features.counts.metre
-    return (f"the bars of takes in {' and '.join(map(str, metres))} ({of}) are danced on bars in {metre}",)
 
 
 def _clip_beats(repertoire: Repertoire) -> ClipBeats:
