@@ -127,7 +127,9 @@ class SongGrid:
         if not self.eased:
             return np.interp(times_s, self.times_s, index)
         around_s = np.median(np.diff(self.times_s)) * _EASED
-        return np.mean([np.interp(times_s + offset, self.times_s, index) for offset in around_s], axis=0)
+        around = [np.interp(times_s + offset_s, self.times_s, index) for offset_s in around_s]
+        mean: Floats = np.mean(around, axis=0)
+        return mean
 
     def time_at(self, index: float) -> float:
         """The time of a fractional beat index."""

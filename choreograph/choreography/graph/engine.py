@@ -230,7 +230,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     try:
         return _plan_path(make_layers(request, weighted, allowed, goals), weighted, request), weights
     except NoPathError as error:
-        if allowed is None:
+        if not str(request.constraints.requested):
             raise
         raise NoPathError(f"{error} (requested: {request.constraints.requested})") from error
 
