@@ -1,4 +1,4 @@
-"""Is what was asked for danced, to the front, without frozen ends and sliding feet? A table of five seeds.
+"""Are requests danced, to the front, without frozen ends and sliding feet? A table of five seeds.
 
     python research/requests_and_front.py [--seeds 5] [--duration 40] [--only NAME ...]
     python research/requests_and_front.py --repertoire REP --data path/to/dance-with-melody
@@ -123,7 +123,7 @@ def seed_table(
 
 
 def genre_table(songs: Sequence[cg.Song], repertoire: cg.Repertoire, engines: Sequence[str]) -> None:
-    """The share of the genre that is asked for, of every genre to every song, and the notes without it."""
+    """The share of the requested genre, for every genre to every song, and the notes without it."""
     genres = sorted({take.credits.genre for take in repertoire.takes})
     lengths = [take.duration_s for take in repertoire.takes]
     in_repertoire = [take.credits.genre for take in repertoire.takes]
@@ -146,7 +146,7 @@ def genre_table(songs: Sequence[cg.Song], repertoire: cg.Repertoire, engines: Se
 
 
 def asked(song: cg.Song, repertoire: cg.Repertoire, genre: str, engine: str) -> tuple[float, str]:
-    """The share of the seconds or words of a genre that was asked for, and the notes that name it."""
+    """The share of the seconds or words of a requested genre, and the notes that name it."""
     try:
         dance = cg.dance(song, repertoire, genre=genre, engine=engine)
     except ChoreographError as error:

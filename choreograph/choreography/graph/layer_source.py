@@ -42,7 +42,7 @@ from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.sections import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
 
-_OTHER_GENRE = 20.0  # a second: more than the other costs differ by, but less than a user's cost may be
+_OTHER_GENRE = 20.0  # per second, more than differences of other costs, but less than a user's cost may be
 
 
 class AllowedNodes(Cost):
