@@ -115,7 +115,7 @@ class Plan:
     words: tuple[PlannedWord, ...] = ()
     music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
     metre: int = 0  # beats in a bar, or 0 if bars are not known
-    opening_s: float = 0.0  # until then the dance holds its first pose
+    opening_s: float = 0.0  # its first count. Shortly before it, the dance sets off from its first pose
     closing_s: float | None = None  # from then on it holds its last one. Without it, it dances to the end
     lock_feet: bool = True  # when it is rendered
     keep_on_stage: bool = True  # with small rotations at transitions

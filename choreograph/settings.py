@@ -112,7 +112,7 @@ class DanceConfig:
 
     hold_ends: bool = True
     """Whether a pose is held before the first count of the song, and another after its last strong count.
-    Used by the graph engine."""
+    Held poses stand on both feet, breathe and shift their weight. Used by the graph engine."""
 
     keep_on_stage: bool = True
     """Whether small rotations at the joins keep the dancer near the place where the dance begins. Used by

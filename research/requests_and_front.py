@@ -36,8 +36,8 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 UNSEEN = ("hip-hop", "disco", "salsa")  # genres of the synthetic songs
 SEED_OF_SONGS = 3000
 COLUMNS = {
-    "away": 2, "last°": 0, "to front": 2, "frozen": 3, "still": 3, "slide": 2, "jerk": 2, "pfc": 3,
-    "jumps": 1, "counts": 2, "count 1": 2, "tempo": 2,
+    "away": 2, "last°": 0, "to front": 2, "frozen": 3, "still": 3, "lift cm": 1, "slide": 2, "jerk": 2,
+    "pfc": 3, "jumps": 1, "counts": 2, "count 1": 2, "tempo": 2,
 }  # fmt: skip
 
 
@@ -52,6 +52,7 @@ def motion_row(motion: Motion, joins_s: np.ndarray, front_rad: float = 0.0) -> d
         "to front": faces["ends_to_front"],
         "frozen": endings.frozen_ends_share(pos, fps),
         "still": endings.frozen_ends_share(pos, fps, frozen_m_s=endings.HELD_M_S),
+        "lift cm": endings.closing_lift_cm(pos, fps),
         "slide": physical.foot_slide_ratio_at(pos, fps, joins_s, **near),
         "jerk": physical.jerk_ratio_at(pos, fps, joins_s, **near),
         "pfc": contact_scores.evaluate(pos, fps)["pfc"],
@@ -92,12 +93,12 @@ def show(name: str, rows: Sequence[dict[str, float]], extra: str = "") -> None:
 
 
 def seed_table(
-    songs: Sequence[cg.Song], repertoire: cg.Repertoire, seeds: int, takes: dict[str, cg.Take]
+    songs: dict[str, cg.Song], repertoire: cg.Repertoire, seeds: int, takes: dict[str, cg.Take]
 ) -> None:
     """Dances of several seeds to each song, the distances between them, and real takes to the same songs."""
     print(" " * 24 + "".join(f"{column:>8s}" for column in COLUMNS))
     everything = []
-    for song in songs:
+    for name, song in songs.items():
         made = [cg.dance(song, repertoire, seed=seed) for seed in range(seeds)]
         rows = [dance_row(dance, repertoire) for dance in made]
         everything += rows
@@ -108,9 +109,9 @@ def seed_table(
         ]
         away = " ".join(f"{row['away']:.2f}" for row in rows)
         far = f"seeds {np.mean(distances):.2f} (least {min(distances):.2f}) m, " if distances else ""
-        show(song.name, rows, f"{far}away {away}; {genres_of(made[0])}")
-        if song.name in takes:
-            motion = takes[song.name].motion
+        show(name, rows, f"{far}away {away}; {genres_of(made[0])}")
+        if name in takes:
+            motion = takes[name].motion
             motion = motion.sliced(0, min(motion.n_frames, round(song.duration_s * motion.fps)))
             facing = front.usual_front_rad(body_pos_m(motion), motion.fps)
             show("  as recorded", [motion_row(motion, np.zeros(0), facing)])
@@ -122,20 +123,20 @@ def seed_table(
     )
 
 
-def genre_table(songs: Sequence[cg.Song], repertoire: cg.Repertoire, engines: Sequence[str]) -> None:
+def genre_table(songs: dict[str, cg.Song], repertoire: cg.Repertoire, engines: Sequence[str]) -> None:
     """The share of the requested genre, for every genre to every song, and the notes without it."""
     genres = sorted({take.credits.genre for take in repertoire.takes})
     lengths = [take.duration_s for take in repertoire.takes]
     in_repertoire = [take.credits.genre for take in repertoire.takes]
     for engine in engines:
         shares, noted = [], 0
-        for song in songs:
+        for name, song in songs.items():
             for genre in genres:
                 share, note = asked(song, repertoire, genre, engine)
                 shares.append(share)
                 noted += share < 0.95 and bool(note)
                 if share < 0.95:
-                    print(f"  {engine}: {genre} to {song.name}: {share:.2f}  {note}", flush=True)
+                    print(f"  {engine}: {genre} to {name}: {share:.2f}  {note}", flush=True)
         chance = np.mean([requests.genre_share(in_repertoire, lengths, genre) for genre in genres])
         kept = np.mean(np.array(shares) >= 0.95)
         print(
@@ -173,16 +174,15 @@ def shipped_and_unseen(folder: Path, duration_s: float) -> Iterator[cg.Song]:
         yield cg.load_song(path)
 
 
-def held_out(data: Path, duration_s: float) -> tuple[list[cg.Song], dict[str, cg.Take]]:
-    """The held-out songs, and their takes by the names of the songs."""
+def held_out(data: Path, duration_s: float) -> tuple[dict[str, cg.Song], dict[str, cg.Take]]:
+    """The held-out songs and their takes by name."""
     names = HELD_OUT.read_text(encoding="utf-8").split()
-    songs, takes = [], {}
+    songs, takes = {}, {}
     for take in read(data):
         if take.name in names and take.song_path is not None:
             length_s = min(duration_s, take.motion.duration_s)
-            song = cg.load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
-            songs.append(song)
-            takes[song.name] = take
+            songs[take.name] = cg.load_song(take.song_path, start_s=take.song_start_s, duration_s=length_s)
+            takes[take.name] = take
     return songs, takes
 
 
@@ -201,8 +201,8 @@ def main() -> None:
         if given.data:
             songs, takes = held_out(given.data, given.duration)
         else:
-            songs = list(shipped_and_unseen(Path(folder), given.duration))
-        songs = [song for song in songs if not given.only or song.name in given.only]
+            songs = {song.name: song for song in shipped_and_unseen(Path(folder), given.duration)}
+        songs = {name: song for name, song in songs.items() if not given.only or name in given.only}
         if given.seeds:
             seed_table(songs, repertoire, given.seeds, takes)
         genre_table(songs, repertoire, given.asked)

@@ -19,7 +19,8 @@ from choreograph.music.spectral import SPECTRAL_COLUMNS, spectral_features
 # The part of a song that is danced, and the instants at which takes may change.
 
 
-_EASE_IN_S = 0.4  # from the first held pose to full speed, before the first count
+_PICK_UP_S = 0.5  # danced at full speed before the first count, which prepares it
+_EASE_IN_S = 0.4  # from the first held pose to full speed, before that
 _EASE_OUT_S = 0.3  # from full speed to the last held pose, before the last count
 _SETTLE_S = 0.08  # the same after the last count
 REACH_S = 0.5  # largest distance of a change of takes from its second
@@ -62,8 +63,13 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
 
 
 def setting_off_s(opening_s: float) -> tuple[float, float]:
-    """The span from the first held pose to full speed: 0.4 s, or all of the time before the first count."""
-    return opening_s - min(_EASE_IN_S, opening_s), opening_s
+    """From when to when a dance goes from its first held pose to full speed: 0.4 s, and 0.5 s early.
+
+    With less time before the first count, it sets off at the start of the song.
+    """
+    ease_s = min(_EASE_IN_S, opening_s)
+    stop_s = opening_s - min(_PICK_UP_S, opening_s - ease_s)
+    return stop_s - ease_s, stop_s
 
 
 def coming_to_rest_s(opening_s: float, closing_s: float) -> tuple[float, float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -13,14 +12,14 @@ from choreograph.core.arguments import check_choice, check_function, check_kind,
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics, frame_blocks
 from choreograph.core.progress import StepReport, part
-from choreograph.core.timebase import NET_FPS, frame_times_s, seconds_to_frames
+from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
-from choreograph.music.sections import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
+from choreograph.render.held_poses import hold_ends
 from choreograph.render.runs import (
     MotionReader,
     Run,
@@ -36,44 +35,6 @@ from choreograph.render.runs import (
 )
 from choreograph.render.transitions import blend_transition
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
-
-# The first pose of a dance is held until its first count, and the last pose from its last count on.
-
-
-def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
-    """The motion with a pose held before the first count, and one after the last count.
-
-    `music.sections` determines how the dance begins and comes to rest. With `closing_s` None it has no held
-    end.
-    """
-    times_s = frame_times_s(motion.n_frames, motion.fps)
-    played_s = np.array(times_s)
-    if opening_s > 0:
-        start_s, stop_s = setting_off_s(opening_s)
-        ease_s = stop_s - start_s
-        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
-        before = times_s < stop_s
-        played_s[before] = (stop_s - ease_s * (0.5 - _eased(since)))[before]
-    if closing_s is not None:
-        start_s, stop_s = coming_to_rest_s(opening_s, closing_s)
-        ease_s = stop_s - start_s
-        since = np.clip((times_s - start_s) / ease_s, 0.0, 1.0)
-        after = times_s > start_s
-        played_s[after] = (start_s + ease_s * (since - _eased(since)))[after]
-    moved = np.flatnonzero(played_s != times_s)
-    if len(moved) == 0:
-        return motion
-    frames = np.clip(played_s[moved] * motion.fps, 0.0, motion.n_frames - 1)
-    held = motion.sampled_smooth(frames)
-    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
-    root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
-    return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(local_quat))
-
-
-def _eased(since: Floats) -> Floats:
-    """The distance at a speed that rises smoothly from 0 to 1 as `since` does. It is 0.5 at the end."""
-    return since**3 - 0.5 * since**4
-
 
 # All runs of a dance become one motion. They are sampled from their takes, aligned, and blended at
 # transitions.

@@ -28,7 +28,7 @@ class PlantedPoses:
 @pytest.fixture
 def source_and_song():
     source, song_features = random_source(0, n_seconds=8)
-    return source, replace(song_features, opening_s=2.45, closing_s=6.5)
+    return source, replace(song_features, opening_s=2.95, closing_s=6.5)
 
 
 def test_only_the_seconds_of_the_held_poses_cost(source_and_song):
@@ -52,7 +52,7 @@ def test_a_count_between_frames_is_where_the_map_says(source_and_song):
     layer = source.layer(2)
     doubled = np.where(np.arange(21) < 5, np.arange(21), 5 + 2 * (np.arange(21) - 5.0))
     layer = replace(layer, source_frames=np.tile(doubled, (layer.n_nodes, 1)))
-    cost = Stillness(PlantedPoses()).node(layer, replace(song_features, opening_s=2.475))  # frame 5.5
+    cost = Stillness(PlantedPoses()).node(layer, replace(song_features, opening_s=2.975))  # frame 5.5
     assert cost == pytest.approx(2.0 * layer.clip + 0.1 * 6.0)
 
 
@@ -60,7 +60,7 @@ def test_both_ends_in_one_second_are_added(source_and_song):
     source, song_features = source_and_song
     cost, layer = Stillness(PlantedPoses()), source.layer(4)
     alone = [
-        replace(song_features, opening_s=o, closing_s=c) for o, c in ((4.3, 7.9), (0.0, 4.6), (4.3, 4.6))
+        replace(song_features, opening_s=o, closing_s=c) for o, c in ((4.8, 7.9), (0.0, 5.1), (4.8, 5.1))
     ]
     first, last, both = (cost.node(layer, features) for features in alone)
     assert both == pytest.approx(first + last)

@@ -134,7 +134,8 @@ def test_of_two_downbeats_near_a_second_the_nearer_is_taken():
 def test_a_dance_sets_off_and_comes_to_rest_within_its_song_and_one_after_the_other(opening_s, danced_s):
     closing_s = opening_s + danced_s
     sets_off, rests = setting_off_s(opening_s), coming_to_rest_s(opening_s, closing_s)
-    assert 0.0 <= sets_off[0] <= sets_off[1] == opening_s <= rests[0] < closing_s < rests[1]
+    assert 0.0 <= sets_off[0] <= sets_off[1] <= opening_s <= rests[0] < closing_s < rests[1]
+    assert opening_s - sets_off[1] == pytest.approx(np.clip(opening_s - 0.4, 0.0, 0.5))
     first_s, last_s = held_times_s(opening_s, closing_s)
     assert sets_off[0] <= first_s <= sets_off[1] and rests[0] < last_s < rests[1]
     if opening_s > 0.4 and danced_s > 0.3:

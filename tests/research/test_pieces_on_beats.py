@@ -62,7 +62,9 @@ def test_a_first_beat_that_jitters_does_not_move_the_others():
     late_s = np.array(counts.times_s)
     late_s[4] += 0.04
     late = laid([piece("a", 0, 16)], counts=make_counts(late_s, counts.numbers, 4))
-    assert np.median(np.abs(rests_s(late)[:, None] - counts.times_s).min(axis=1)) < 0.02
+    rests = rests_s(late)
+    rests = rests[(rests > counts.times_s[4] + 0.1) & (rests < counts.times_s[20] - 0.1)]
+    assert np.median(np.abs(rests[:, None] - counts.times_s).min(axis=1)) < 0.02
 
 
 def test_one_take_played_on_needs_no_transition():

@@ -41,7 +41,8 @@ from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
 from choreograph.plan import Plan, PlannedWord
-from choreograph.render.rendering import hold_ends, render_over
+from choreograph.render.held_poses import hold_ends
+from choreograph.render.rendering import render_over
 from choreograph.settings import DanceConfig
 
 _ATTEMPTS = 4  # to make a dance that shows the requested motifs

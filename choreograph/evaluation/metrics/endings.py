@@ -14,11 +14,15 @@ import numpy as np
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import STORE_FPS, frame_times_s, seconds_to_frames
-from choreograph.motion.body import body_pos_at, checked_body_pos_m
+from choreograph.evaluation.metrics.physical import ANKLE_OVER_SOLE_M
+from choreograph.motion.body import BODY_JOINTS, body_pos_at, checked_body_pos_m
 
 END_S = 0.3
 HELD_M_S = 0.15
 FROZEN_M_S = 0.02
+_FEET = [
+    (BODY_JOINTS.index(f"{side}_ankle"), BODY_JOINTS.index(f"{side}_foot")) for side in ("left", "right")
+]
 
 
 def validate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None) -> None:
@@ -105,6 +109,24 @@ def frozen_ends_share(body_pos_m: Floats, fps: float, *, frozen_m_s: float = FRO
     return float(frozen.mean())
 
 
+def closing_lift_cm(body_pos_m: Floats, fps: float) -> float:
+    """How much higher one foot is than the other in the last pose, in cm. Lower is better.
+
+    A foot is as high as the lower of its ball and its heel, which is `ANKLE_OVER_SOLE_M` below the ankle.
+    Above about 5 cm, the body stands on one leg.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((60, 21, 3))
+    >>> pos_m[:, [6, 9], 1] += 0.3  # left ankle and ball
+    >>> round(cg.metrics.endings.closing_lift_cm(pos_m, 60.0), 3)
+    30.0
+    """
+    last_m = checked_body_pos_m(body_pos_m, fps)[-1, :, 1]
+    low_m = [min(last_m[ankle] - ANKLE_OVER_SOLE_M, last_m[ball]) for ankle, ball in _FEET]
+    return float(abs(low_m[0] - low_m[1]) * 100.0)
+
+
 def hold_delay_s(body_pos_m: Floats, fps: float, last_strong_s: float) -> float:
     """Seconds from the last strong count to the held pose. 0 is on time.
 
@@ -128,13 +150,15 @@ def evaluate(body_pos_m: Floats, fps: float, last_strong_s: float | None = None)
     Examples
     --------
     >>> cg.metrics.endings.evaluate(np.zeros((60, 21, 3)), 60.0)
-    {'opening_speed_m_s': 0.0, 'closing_speed_m_s': 0.0, 'closing_held': 1.0, 'frozen_ends_share': 1.0}
+    {'opening_speed_m_s': 0.0, 'closing_speed_m_s': 0.0, 'closing_held': 1.0, 'closing_lift_cm': 0.0,
+     'frozen_ends_share': 1.0}
     """
     validate(body_pos_m, fps, last_strong_s)
     scores = {
         "opening_speed_m_s": opening_speed_m_s(body_pos_m, fps),
         "closing_speed_m_s": closing_speed_m_s(body_pos_m, fps),
         "closing_held": float(not np.isnan(held_from_s(body_pos_m, fps))),
+        "closing_lift_cm": closing_lift_cm(body_pos_m, fps),
         "frozen_ends_share": frozen_ends_share(body_pos_m, fps),
     }
     if last_strong_s is not None:

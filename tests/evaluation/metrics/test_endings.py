@@ -7,6 +7,7 @@ import pytest
 
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.endings import (
+    closing_lift_cm,
     closing_speed_m_s,
     evaluate,
     frozen_ends_share,
@@ -18,6 +19,10 @@ from choreograph.motion.body import BODY_JOINTS
 
 FPS = 60.0
 BODY = np.random.default_rng(0).normal(size=(len(BODY_JOINTS), 3))
+
+
+FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for side in ("left", "right")]
+LIFT_CM = 100 * abs(np.subtract(*((BODY[foot, 1] - [0.07, 0.0]).min() for foot in FEET)))
 
 
 def moving(speed_m_s: np.ndarray) -> np.ndarray:
@@ -37,6 +42,7 @@ def test_planted():
         "opening_speed_m_s": pytest.approx(0.05),
         "closing_speed_m_s": pytest.approx(0.05),
         "closing_held": 1.0,
+        "closing_lift_cm": pytest.approx(LIFT_CM),
         "frozen_ends_share": 0.0,  # it moves at 0.05 m/s there
         "hold_delay_s": pytest.approx(0.05),
     }
@@ -60,7 +66,7 @@ def test_standing_still():
     still = np.repeat(BODY[None], 120, axis=0)
     assert evaluate(still, FPS, 1.0) == {
         "opening_speed_m_s": 0.0, "closing_speed_m_s": 0.0, "closing_held": 1.0,
-        "frozen_ends_share": 1.0, "hold_delay_s": -1.0,
+        "closing_lift_cm": pytest.approx(LIFT_CM), "frozen_ends_share": 1.0, "hold_delay_s": -1.0,
     }  # fmt: skip
     assert np.isnan(opening_speed_m_s(BODY[None], FPS)) and held_from_s(BODY[None], FPS) == 0.0
 
@@ -76,6 +82,16 @@ def test_frozen_ends():
     assert frozen_ends_share(breathing, FPS) == pytest.approx(0.64, abs=0.02)  # it turns slowly
     assert frozen_ends_share(3 * breathing, FPS) < 0.2
     assert frozen_ends_share(BODY[None], FPS) == 1.0
+
+
+def test_the_last_pose_on_one_leg():
+    pos = np.repeat(BODY[None], 30, axis=0)
+    pos[:, FEET[0], 1] = pos[:, FEET[1], 1] = np.array([0.09, 0.02])
+    assert closing_lift_cm(pos, FPS) == pytest.approx(0.0)
+    pos[:, FEET[1], 1] += 0.2
+    assert closing_lift_cm(pos, FPS) == pytest.approx(20.0)
+    pos[-1, FEET[1][1], 1] = 0.02  # the toes are on the floor, behind the other foot
+    assert closing_lift_cm(pos, FPS) == pytest.approx(0.0)
 
 
 def test_other_rates_read_the_same():

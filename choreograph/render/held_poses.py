@@ -1,0 +1,203 @@
+"""The poses that are held at both ends of a dance: they stand on both feet, breathe and shift their weight.
+
+A dancer who waits for the first count, or has finished, is never still. Both feet are on the floor, the
+chest rises and falls with the breath, and the weight moves slowly between the feet. The first count is
+prepared: the dance is at full speed for half a second before it. The papers have no held poses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from choreograph.core.numerics import Floats, frame_blocks
+from choreograph.core.timebase import frame_times_s
+from choreograph.motion import rotations as rot
+from choreograph.motion.contacts import foot_sole_pos_m
+from choreograph.motion.foot_locking import SIDES, move_leg
+from choreograph.motion.kinematics import ancestors, forward, to_local
+from choreograph.motion.motion import Motion
+from choreograph.motion.rigs import joint_roles
+from choreograph.motion.skeleton import Skeleton
+from choreograph.music.sections import coming_to_rest_s, setting_off_s
+
+_BREATHS_HZ = 0.31, 0.42  # while waiting, and out of breath at the end
+_BREATH_RAD = 0.04  # how far the chest rises
+_SWAYS_HZ = 0.23, 0.31  # of the weight to the side and to the front: never at rest in both
+_SWAYS_M = 0.04, 0.02
+_KNEES_M = 0.012  # how far the knees give way where the weight is on one side
+_ARMS_RAD = 0.04  # how far the arms give way to the breath
+_LIFTED_M = 0.03  # a foot that is higher is put down
+_STRETCH = 0.995  # of the leg, at most, to reach the floor
+_APART_M = 0.11  # ankles do not come closer to each other
+
+
+def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
+    """The motion with a pose held before the first count, and one after the last count.
+
+    `music.sections` determines how the dance begins and comes to rest. With `closing_s` None it has no held
+    end. Feet that are in the air in a held pose are put down on the floor, and the body breathes and shifts
+    its weight.
+    """
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    played_s = played_times_s(times_s, opening_s, closing_s)
+    moved = np.flatnonzero(played_s != times_s)
+    if len(moved) == 0:
+        return motion
+    frames = np.clip(played_s[moved] * motion.fps, 0.0, motion.n_frames - 1)
+    held = motion.sampled_smooth(frames)
+    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
+    root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
+    motion = replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(local_quat))
+    if opening_s > 0:
+        from_s, to_s = setting_off_s(opening_s)
+        share = 1.0 - _speed(_since(times_s, from_s, to_s))
+        motion = _alive(motion, _End(share, 0, _BREATHS_HZ[0], from_s))
+    if closing_s is not None:
+        from_s, to_s = coming_to_rest_s(opening_s, closing_s)
+        share = _speed(_since(times_s, from_s, to_s))
+        motion = _alive(motion, _End(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
+    return motion
+
+
+def played_times_s(times_s: Floats, opening_s: float, closing_s: float | None) -> Floats:
+    """The time of the dance that is played at each time (T,), which stands still while a pose is held."""
+    played_s = np.array(times_s)
+    if opening_s > 0:
+        from_s, to_s = setting_off_s(opening_s)
+        before = times_s < to_s
+        eased = _eased(_since(times_s[before], from_s, to_s))
+        played_s[before] = to_s - (to_s - from_s) * (0.5 - eased)
+    if closing_s is not None:
+        from_s, to_s = coming_to_rest_s(opening_s, closing_s)
+        after = times_s > from_s
+        since = _since(times_s[after], from_s, to_s)
+        played_s[after] = from_s + (to_s - from_s) * (since - _eased(since))
+    return played_s
+
+
+def _since(times_s: Floats, from_s: float, to_s: float) -> Floats:
+    """How much of a span has passed at each time, 0 to 1."""
+    return np.clip((times_s - from_s) / (to_s - from_s), 0.0, 1.0)
+
+
+def _eased(since: Floats) -> Floats:
+    """The distance at a speed that rises smoothly from 0 to 1 as `since` does. It is 0.5 at the end."""
+    return since**3 - 0.5 * since**4
+
+
+def _speed(since: Floats) -> Floats:
+    """The speed of `_eased`, 0 to 1."""
+    return since * since * (3.0 - 2.0 * since)
+
+
+@dataclass(frozen=True, eq=False)
+class _End:
+    """A held pose of a dance."""
+
+    share: Floats  # (T,) 1 where it is held, 0 where the dance is at full speed
+    frame: int  # at which it is held
+    breath_hz: float
+    from_s: float  # at which the movement of breath and weight passes through zero
+
+
+def _alive(motion: Motion, end: _End) -> Motion:
+    """The motion with a held pose that stands on both feet, breathes and shifts its weight."""
+    held = np.flatnonzero(end.share > 0)
+    if len(held) == 0:
+        return motion
+    part = slice(int(held[0]), int(held[-1]) + 1)
+    share, frame = end.share[part, None], end.frame - part.start
+    phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - end.from_s
+    skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
+    root_pos_m, local_quat = motion.root_pos_m[part].copy(), motion.local_quat[part].copy()
+    pos_m, before_quat = forward(skeleton, root_pos_m, local_quat)
+    steps = {side: _step_down(skeleton, roles, side, pos_m[frame], before_quat[frame]) for side in SIDES}
+    root_pos_m += share * _sway_m(pos_m[frame], roles, phase_s)
+    _breathe(local_quat, roles, share[:, 0], phase_s, end.breath_hz)
+    moved_m, global_quat = forward(skeleton, root_pos_m, local_quat)
+    for side in SIDES:
+        ankle, step = roles[f"{side}_ankle"], steps[side]
+        foot = [joint for joint in range(skeleton.n_joints) if ankle in ancestors(skeleton, joint)]
+        for joint in foot:  # the foot stays, or is laid flat on the floor
+            flat = rot.multiply(step.turn, before_quat[:, joint])
+            global_quat[:, joint] = rot.slerp(before_quat[:, joint], flat, share[:, 0])
+        move_leg(skeleton, roles, side, moved_m, global_quat, pos_m[:, ankle] + share * step.shift_m)
+    for block in frame_blocks(len(global_quat)):
+        global_quat[block] = to_local(skeleton, global_quat[block])
+    roots, quats = motion.root_pos_m.copy(), motion.local_quat.copy()
+    roots[part], quats[part] = root_pos_m, global_quat
+    return replace(motion, root_pos_m=roots, local_quat=rot.make_continuous(quats))
+
+
+def _sway_m(pose_m: Floats, roles: dict[str, int], phase_s: Floats) -> Floats:
+    """How far the body is from the pose (J, 3), (T, 3): to the side, to the front, and lower at the sides."""
+    aside = (pose_m[roles["left_hip"]] - pose_m[roles["right_hip"]]) * [1.0, 0.0, 1.0]
+    aside /= max(float(np.linalg.norm(aside)), 1e-6)
+    ahead = np.array([-aside[2], 0.0, aside[0]])
+    side_m, front_m = (
+        size_m * np.sin(2 * np.pi * hz * phase_s) for size_m, hz in zip(_SWAYS_M, _SWAYS_HZ, strict=True)
+    )
+    sway_m: Floats = side_m[:, None] * aside + front_m[:, None] * ahead
+    sway_m[:, 1] -= _KNEES_M * (side_m / _SWAYS_M[0]) ** 2
+    return sway_m
+
+
+def _breathe(
+    local_quat: Floats, roles: dict[str, int], share: Floats, phase_s: Floats, breath_hz: float
+) -> None:
+    """Let the chest of local rotations (T, J, 4) rise and fall. The head stays upright, the arms give way."""
+    breath = share * np.sin(2 * np.pi * breath_hz * phase_s)  # (T,)
+    turns = {
+        "spine3": [-_BREATH_RAD, 0.0, 0.0],
+        "neck": [0.7 * _BREATH_RAD, 0.0, 0.0],
+        "left_shoulder": [0.0, 0.0, _ARMS_RAD],
+        "right_shoulder": [0.0, 0.0, -_ARMS_RAD],
+    }
+    for name, turn in turns.items():
+        if name in roles:
+            joint = roles[name]
+            local_quat[:, joint] = rot.multiply(
+                local_quat[:, joint], rot.from_rotvec(breath[:, None] * np.array(turn))
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """How a foot of a held pose is put down: nothing for one that stands."""
+
+    shift_m: Floats  # (3,) of the ankle
+    turn: Floats  # (4,) of the foot
+
+
+_STANDS = _Step(np.zeros(3), rot.IDENTITY)
+
+
+def _step_down(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pose_m: Floats, global_quat: Floats
+) -> _Step:
+    """How a foot of a pose, (J, 3) and (J, 4), gets to the floor: down, and in as far as the leg requires."""
+    sole_m = foot_sole_pos_m(skeleton, pose_m[None], global_quat[None], side)[0]
+    if sole_m[:, 1].min() <= _LIFTED_M:
+        return _STANDS
+    hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+    other = pose_m[roles[f"{'right' if side == 'left' else 'left'}_ankle"]]
+    turn = rot.multiply(rot.about_y(rot.yaw(global_quat[ankle])), rot.invert(global_quat[ankle]))
+    flat_m = pose_m[ankle] + rot.rotate(turn, sole_m - pose_m[ankle])
+    target = pose_m[ankle] * [1.0, 0.0, 1.0]
+    target[1] = pose_m[ankle][1] - flat_m[:, 1].min()  # the ankle over a sole on the floor
+    leg_m = sum(float(np.linalg.norm(pose_m[a] - pose_m[b])) for a, b in ((hip, knee), (knee, ankle)))
+    reach_m = np.sqrt(max((_STRETCH * leg_m) ** 2 - (pose_m[hip][1] - target[1]) ** 2, 1e-4))
+    target[[0, 2]] = _within(target[[0, 2]], pose_m[hip][[0, 2]], reach_m)
+    apart = target[[0, 2]] - other[[0, 2]]
+    if np.linalg.norm(apart) < _APART_M:  # beside the standing foot, on its own side
+        aside = (pose_m[hip] - pose_m[roles["pelvis"]])[[0, 2]]
+        target[[0, 2]] = other[[0, 2]] + _APART_M * aside / max(float(np.linalg.norm(aside)), 1e-6)
+    return _Step(target - pose_m[ankle], turn)
+
+
+def _within(place: Floats, middle: Floats, radius_m: float) -> Floats:
+    """A place on the floor (2,), moved towards `middle` (2,) to at most `radius_m` from it."""
+    away = place - middle
+    return middle + away * min(1.0, radius_m / max(float(np.linalg.norm(away)), 1e-9))
