@@ -33,8 +33,8 @@ _TOUCH_S = 1e-3  # largest distance between words without a gap
 class PlannedSecond:
     """One node of the dance."""
 
-    second: int
-    take: str
+    second: int  # of the dance, from 0
+    take: str  # name of the take that is danced
     clip: int  # index in the repertoire
     clip_start_s: float  # in the take
     segment_second: int  # the second at which its warped segment was inserted into the graph
@@ -43,7 +43,7 @@ class PlannedSecond:
     start_s: float  # when it replaces another take, near `second`, or `second` within a take
     transition_s: float  # length of that transition, to each side if inertial, in all if linear
     costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
-    credits: Credits
+    credits: Credits  # of the take
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class PlannedWord:
     """One motion word of the dance, from beat to beat, at constant speed."""
 
     start_s: float  # in the dance
-    end_s: float
+    end_s: float  # in the dance
     motif: int  # the planned motif, or 0 where a part of another dance is kept
     take: str  # empty if a network dances it, or if it is kept from another dance
     source_start_s: float  # in the take
-    source_end_s: float
-    credits: Credits
+    source_end_s: float  # in the take
+    credits: Credits  # of the take
     pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
     kept: str = ""  # the dance that this is a part of, if it is kept. Source times are then of that dance
 
@@ -66,10 +66,10 @@ class Block:
     """One part of one take, and its time in the dance."""
 
     start_s: float  # in the dance
-    end_s: float
+    end_s: float  # in the dance
     source_start_s: float  # in the take
-    source_end_s: float
-    planned: PlannedSecond | PlannedWord
+    source_end_s: float  # in the take
+    planned: PlannedSecond | PlannedWord  # the entry of the plan that it belongs to
 
     @property
     def kept(self) -> str:
@@ -100,19 +100,19 @@ class Plan:
     True
     """
 
-    song: str
-    duration_s: float
+    song: str  # name of the song
+    duration_s: float  # length of the dance
     start_s: float  # of the danced part in the song file
-    repertoire: str
-    planner: str
+    repertoire: str  # name of the file of the repertoire
+    planner: str  # as in `DanceConfig`, as are blending, seed, fps and weights
     blending: str
     seed: int
     fps: float
-    weights: dict[str, float]
-    music_beats_s: tuple[float, ...]
-    seconds: tuple[PlannedSecond, ...]
-    engine: str = "graph"
-    words: tuple[PlannedWord, ...] = ()
+    weights: dict[str, float]  # of the costs by name
+    music_beats_s: tuple[float, ...]  # beats of the song, in seconds of the dance
+    seconds: tuple[PlannedSecond, ...]  # one for each second, or empty for engines that plan words
+    engine: str = "graph"  # name of the engine that made the plan
+    words: tuple[PlannedWord, ...] = ()  # in order of time
     music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
     metre: int = 0  # beats in a bar, or 0 if bars are not known
     opening_s: float = 0.0  # its first count. Shortly before it, the dance sets off from its first pose

@@ -194,11 +194,11 @@ Pin = MotifPin | TakePin
 class Constraints:
     """Everything that is requested of a dance, besides its song. The default is nothing."""
 
-    genre: str | None = None
+    genre: str | None = None  # of the dance, or None for the nearest ones to the song
     signature: tuple[float, ...] | None = None  # (K,) shares of the motifs
     motifs: tuple[int, ...] = ()  # of the dance's words, from the first word on
-    pins: tuple[Pin, ...] = ()
-    bans: tuple[Ban, ...] = ()
+    pins: tuple[Pin, ...] = ()  # motifs and takes at given times
+    bans: tuple[Ban, ...] = ()  # takes, genres and motifs that are excluded
 
     @property
     def need_motifs(self) -> bool:

@@ -27,16 +27,16 @@ COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every en
 class DanceRequest:
     """One dance to plan, with everything that an engine may use."""
 
-    song: Song
-    song_features: SongFeatures
-    repertoire: Repertoire
-    config: DanceConfig
-    constraints: ResolvedConstraints
-    material: Material
+    song: Song  # the part of the song that is danced
+    song_features: SongFeatures  # of this part
+    repertoire: Repertoire  # of the takes, motifs and networks
+    config: DanceConfig  # all settings
+    constraints: ResolvedConstraints  # for each word of the dance
+    material: Material  # takes, counts and goals of each part of the dance
     costs: tuple[Cost, ...] = ()  # the user's
-    style_song: Song | None = None
+    style_song: Song | None = None  # whose style the motion has, if it is another song
     kept: KeptDance | None = None  # its kept parts replace what is planned there
-    report: ProgressReport | None = None
+    report: ProgressReport | None = None  # of the progress
 
     @property
     def danced_span_s(self) -> tuple[float, float]:

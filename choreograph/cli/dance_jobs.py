@@ -42,9 +42,9 @@ class Job:
 class Result:
     """The result of a job: its dances, or the reason why there are none."""
 
-    job: Job
-    dances: tuple[Dance, ...] = ()
-    error: str = ""
+    job: Job  # its song and files
+    dances: tuple[Dance, ...] = ()  # one for each variation
+    error: str = ""  # why there are none
 
 
 def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int | None) -> tuple[Job, ...]:

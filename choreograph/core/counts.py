@@ -90,10 +90,10 @@ class Counts:
 class Figure:
     """A named part of the choreography of a take. It lasts a whole number of counts."""
 
-    name: str
+    name: str  # such as "natural turn"
     start_s: float  # from the first frame of the take
-    end_s: float
-    n_counts: int
+    end_s: float  # from the first frame of the take
+    n_counts: int  # its length
 
 
 NO_COUNTS = Counts(np.zeros(0), np.zeros(0, np.int64), 0)

@@ -79,11 +79,11 @@ class Range:
 class Setting:
     """One field of a settings class."""
 
-    name: str
+    name: str  # of the field
     kind: str  # the type in words, with the range or the choices
-    default: Any
+    default: Any  # its value if it is not given
     text: str  # what it does, and when to change it
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()  # for a setting of fixed texts
 
 
 @dataclass_transform(frozen_default=True)

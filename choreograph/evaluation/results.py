@@ -29,13 +29,13 @@ Better = Literal["higher", "lower", "real"]  # "real": the closer to real dances
 class Metric:
     """How tables show a metric, and what it measures."""
 
-    name: str
-    family: str
-    label: str
+    name: str  # key in scores and JSON
+    family: str  # of metrics, which share a table
+    label: str  # in tables
     unit: str = ""
-    better: Better
-    source: str = "ours"
-    digits: int = 2
+    better: Better  # direction of better values
+    source: str = "ours"  # paper, or ours
+    digits: int = 2  # after the decimal point in tables
     limits: str  # what the number does not tell
 
 
@@ -59,10 +59,10 @@ class MeasuredDance:
     """The scores of one dance or real take."""
 
     variant: str  # or `EXPERT`, `REAL`
-    song: str
-    seed: int
-    scores: Scores
-    plan: Plan | None = None
+    song: str  # its name
+    seed: int  # of the dance
+    scores: Scores  # metric values and their chance levels
+    plan: Plan | None = None  # if it is known
     phases: DancedPhases | None = None  # of its motion beats in the counts
 
 
@@ -70,9 +70,9 @@ class MeasuredDance:
 class ExampleDance:
     """A dance kept whole, for the plots."""
 
-    variant: str
+    variant: str  # its name
     motion: Motion
-    plan: Plan | None
+    plan: Plan | None  # if it is known
     motifs: DancedMotifs | None = None
 
 
@@ -92,10 +92,10 @@ class Evaluation:
 
     facts: Mapping[str, Any]  # what was evaluated and how, for the report and JSON
     variants: Mapping[str, str]  # name -> description, in the order of the tables
-    dances: tuple[MeasuredDance, ...]
+    dances: tuple[MeasuredDance, ...]  # all dances and real takes
     sets: tuple[MeasuredDance, ...]  # all songs together: `song` is ""
-    notes: tuple[str, ...] = ()
-    example: ExampleSong | None = None
+    notes: tuple[str, ...] = ()  # on what was unusual, one line each
+    example: ExampleSong | None = None  # all dances to one song, for the plots
     expert_phases: tuple[DancedPhases, ...] = ()  # that the phases of dances are compared with
 
     __repr__ = one_line
@@ -135,11 +135,11 @@ class Row:
 class Table:
     """The metrics of one family."""
 
-    family: str
-    title: str
-    caption: str
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    family: str  # of its metrics
+    title: str  # heading
+    caption: str  # what the metrics measure
+    columns: tuple[str, ...]  # names of variants and references
+    rows: tuple[Row, ...]  # one for each metric
 
 
 def tables(evaluation: Evaluation) -> tuple[Table, ...]:

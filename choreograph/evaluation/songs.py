@@ -36,9 +36,9 @@ SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a", ".opus", ".aac", ".aif
 class EvaluatedSong:
     """A song, or the part of it that a real take dances to."""
 
-    name: str
-    path: Path
-    start_s: float = 0.0
+    name: str  # of the song
+    path: Path  # of the audio file
+    start_s: float = 0.0  # of the part in the file
     duration_s: float | None = None  # None for the rest of the song
     take: Take | None = None  # the real dance
 

@@ -207,25 +207,25 @@ Points = NDArray[np.float64]  # (R, N) by rater and dance or pair to a song, nan
 class Score:
     """Mean rating of a variant on a question. There is no interval with fewer than two raters and songs."""
 
-    variant: str
-    question: str
+    variant: str  # its name
+    question: str  # id of the question
     mean: float  # 0 to 5
     low: float | None  # end of the 95 % interval
-    high: float | None
-    n_ratings: int
+    high: float | None  # other end of the interval
+    n_ratings: int  # of all raters
 
 
 @dataclass(frozen=True)
 class Difference:
     """Mean rating of `variant` minus that of `other` on a question, over raters and songs that have both."""
 
-    variant: str
-    other: str
-    question: str
-    mean: float
-    low: float | None
-    high: float | None
-    n_pairs: int
+    variant: str  # its name
+    other: str  # the variant that it is compared with
+    question: str  # id of the question
+    mean: float  # of the differences, -5 to 5
+    low: float | None  # end of the 95 % interval
+    high: float | None  # other end of the interval
+    n_pairs: int  # pairs of ratings, each by one rater for one song
 
     @property
     def is_clear(self) -> bool:
@@ -237,13 +237,13 @@ class Difference:
 class Preference:
     """How often `variant` was chosen rather than `other` on a question about pairs."""
 
-    variant: str
-    other: str
-    question: str
+    variant: str  # its name
+    other: str  # the variant that it is compared with
+    question: str  # id of the question
     share: float  # 0 to 1, 0.5 by chance
     low: float | None  # end of the 95 % interval
-    high: float | None
-    n_answers: int
+    high: float | None  # other end of the interval
+    n_answers: int  # of all raters
 
     @property
     def is_clear(self) -> bool:
@@ -255,11 +255,11 @@ class Preference:
 class StudyResults:
     """Scores by question and variant, best first, differences of all pairs of variants, and preferences."""
 
-    n_raters: int
-    n_songs: int
-    scores: tuple[Score, ...]
-    differences: tuple[Difference, ...]
-    preferences: tuple[Preference, ...] = ()
+    n_raters: int  # with answers
+    n_songs: int  # with answers
+    scores: tuple[Score, ...]  # by question and variant
+    differences: tuple[Difference, ...]  # of all pairs of variants
+    preferences: tuple[Preference, ...] = ()  # of all pairs of variants
 
     def to_dict(self) -> dict[str, Any]:
         """The results as plain numbers and strings, for JSON."""

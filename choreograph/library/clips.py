@@ -33,14 +33,14 @@ _RANGES = tuple(f"{part}_{end}" for part in _PARTS for end in ("start", "stop"))
 class TakeInfo:
     """A take of a repertoire. Ranges are indices of the file's flat arrays."""
 
-    name: str
-    song_name: str
+    name: str  # unique in the file
+    song_name: str  # the same for all takes of a song, or empty without music
     credits: Credits
-    fps: float
-    motion: tuple[int, int]
-    body: tuple[int, int]
-    beats: tuple[int, int]
-    notes: str
+    fps: float  # rate of the stored motion
+    motion: tuple[int, int]  # rows of the stored motion, the first and the one after the last
+    body: tuple[int, int]  # rows of the body positions at 20 fps
+    beats: tuple[int, int]  # rows of the motion beats
+    notes: str  # on what was unusual in its files
 
     @property
     def duration_s(self) -> float:

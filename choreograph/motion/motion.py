@@ -207,10 +207,10 @@ class Credits:
     'waltz'
     """
 
-    genre: str = ""
-    performer: str = ""
-    licence: str = ""
-    source: str = ""
+    genre: str = ""  # such as "waltz"
+    performer: str = ""  # name of the dancer
+    licence: str = ""  # of the motion, such as "CC BY 4.0"
+    source: str = ""  # data set or studio
 
     __repr__ = one_line
 
@@ -234,14 +234,14 @@ class Take:
     """
 
     name: str  # unique in a repertoire
-    motion: Motion
-    credits: Credits
-    song_path: Path | None = None  # None without music
+    motion: Motion  # on any skeleton
+    credits: Credits  # genre, performer, licence and source
+    song_path: Path | None = None  # file of its music, or None without music
     song_start_s: float = 0.0  # time in the song file of the motion's first frame
     song_name: str = ""  # the same for all takes of a song: splits keep them together
     source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
     notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
-    counts: Counts = NO_COUNTS
+    counts: Counts = NO_COUNTS  # in seconds from the first frame, if they are known
     figures: tuple[Figure, ...] = ()  # in order, if the data names them
 
     __repr__ = one_line

@@ -46,10 +46,10 @@ class Song:
     (10.0, 5.0)
     """
 
-    samples: NDArray[np.float32]  # (S,)
-    name: str
-    path: Path | None = None
-    notes: tuple[str, ...] = ()  # one line each
+    samples: NDArray[np.float32]  # (S,) at 22.05 kHz
+    name: str  # for plans and messages
+    path: Path | None = None  # of its file, if there is one
+    notes: tuple[str, ...] = ()  # on what is unusual, one line each
     start_s: float = 0.0  # of the first sample in the file
 
     __repr__ = one_line

@@ -82,7 +82,7 @@ class StyleConfig:
     gru_width: int = 32  # of both layers of each network
     rhythm_width: int = 32  # hidden and output width of the rhythm branch
     head_width: int = 32  # of the four linear layers of the beat-count head
-    dropout: float = 0.3
+    dropout: float = 0.3  # in both networks
     # "mel" is the input of the paper. "counts" is the rhythm relative to the counts of the song. Adding mel
     # to it does not help.
     music_inputs: str = "counts"
@@ -96,12 +96,12 @@ class StyleConfig:
     augmented: bool = True  # augment the music and motion of the samples, which the paper does not
     mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
     balanced_genres: bool = True  # draw each genre equally often, or else every second of the takes
-    batch_size: int = 32
+    batch_size: int = 32  # samples of a step
     steps: int = 220  # for up to `N_SONGS` songs: see `style_config`
     epochs: int = 0  # passes over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
-    learning_rate: float = 5e-3
-    weight_decay: float = 1e-2
+    learning_rate: float = 5e-3  # at its highest
+    weight_decay: float = 1e-2  # of AdamW, or 0 for Adam
 
     def __post_init__(self) -> None:
         if self.music_inputs not in MUSIC_INPUTS:
@@ -160,12 +160,12 @@ class DensityConfig:
 
     width: int = 32  # of the transformer layers
     conv_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 128)  # hidden vector: 4 x the last
-    content_dim: int = 128
+    content_dim: int = 128  # numbers that describe a clip without its timing
     loss: str = "locatable"  # "paper" is equation 2 alone, which does not determine the density
     reconstruction_weight: float = 1.0  # of equation 2
     content_weight: float = 0.1  # λ of equation 2
-    equivariance_weight: float = 1.0
-    location_weight: float = 1.0
+    equivariance_weight: float = 1.0  # of the difference of warped densities to densities of warped motion
+    location_weight: float = 1.0  # of the term that locates warped frames in the density
     temperature: float = 0.1  # of the location term, for squared differences of curves of unit variance
     velocities: bool = True  # use velocities of joints beside positions. The paper uses positions alone
     skips: bool = (
@@ -174,14 +174,14 @@ class DensityConfig:
     unit_variance: bool = True  # scale every density to unit variance. The paper does not state a scale
     augmented: bool = True  # augment clips and music of the samples. The paper only warps clips in time
     mirrored_share: float = 0.5  # of the augmented motion, or 0 where left and right must stay distinct
-    batch_size: int = 16
-    steps: int = 1500
-    learning_rate: float = 2e-3
-    weight_decay: float = 1e-3
-    music_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 64)
-    music_batch_size: int = 16
-    music_steps: int = 1500
-    music_learning_rate: float = 1e-3
+    batch_size: int = 16  # clips of a step of the network of motion
+    steps: int = 1500  # of the network of motion
+    learning_rate: float = 2e-3  # at its highest, of the network of motion
+    weight_decay: float = 1e-3  # of AdamW, or 0 for Adam
+    music_channels: tuple[int, int, int, int, int] = (32, 32, 48, 64, 64)  # as `conv_channels`
+    music_batch_size: int = 16  # samples of a step of the network of music
+    music_steps: int = 1500  # of the network of music
+    music_learning_rate: float = 1e-3  # at its highest, of the network of music
     synchronise: bool = True  # warp motion beats of targets onto music beats. The paper's targets are raw
     epochs: int = 0  # passes of both networks over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
@@ -252,15 +252,15 @@ class WordConfig:
     """Sizes and training settings of the motion-word network, which are stored with its weights."""
 
     width: int = 64  # channels of the temporal convolutions
-    n_blocks: int = 2
+    n_blocks: int = 2  # of temporal convolutions
     same_m: float = 0.04  # width of the kernel: words that are much nearer count as the same
-    contrast_weight: float = 0.1
+    contrast_weight: float = 0.1  # of the contrast between copies of words
     distance_weight: float = 1.0  # of the difference between embedding distances and mean joint distances
     mirrored_share: float = 0.5  # of the motion samples, or 0 where left and right must stay distinct
-    batch_size: int = 128
-    steps: int = 800
-    learning_rate: float = 5e-4
-    weight_decay: float = 1e-3
+    batch_size: int = 128  # samples of a step
+    steps: int = 800  # of the training
+    learning_rate: float = 5e-4  # at its highest
+    weight_decay: float = 1e-3  # of AdamW, or 0 for Adam
 
     def __post_init__(self) -> None:
         if min(self.steps, self.width) < 1 or not 1 <= self.n_blocks <= MAX_DEPTH or self.batch_size < 2:
@@ -300,9 +300,9 @@ class RolloutConfig:
     """
 
     n_joints: int = 24  # of the takes' skeleton, set by the training
-    width: int = 256
-    n_layers: int = 2
-    condition_width: int = 192
+    width: int = 256  # of the LSTM
+    n_layers: int = 2  # of the LSTM
+    condition_width: int = 192  # of the embedded conditions
     use_audio: bool = True  # rhythm and phases. False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
     phase: bool = True  # condition on the phase in the word and its duration, which the paper does not
@@ -312,20 +312,20 @@ class RolloutConfig:
     style_fade_s: float = 1.0  # of the transition between styles of words, or 0 for the paper's window
     style_dropout: float = 0.5  # share of sequences without style
     perceptual_weight: float = 0.5  # λ of equation 10
-    position_weight: float = 2.0
-    velocity_weight: float = 0.3
-    root_weight: float = 0.1
-    contact_weight: float = 0.05
-    slide_weight: float = 0.2
+    position_weight: float = 2.0  # of joint positions
+    velocity_weight: float = 0.3  # of joint velocities
+    root_weight: float = 0.1  # of the motion of the root
+    contact_weight: float = 0.05  # of predicted foot contacts
+    slide_weight: float = 0.2  # of the speed of feet in contact
     border_speed_weight: float = 0.3  # of the speed of joints where words meet
     tempi: tuple[float, ...] = (0.8, 0.9, 1.0, 1.11, 1.25)  # at which takes are played, relative to their own
     frames: int = 75  # of a training sequence
     teacher_frames: int = 5  # with teacher forcing, before each run of self-fed frames
     self_fed_frames: tuple[int, ...] = (5, 15, 60)  # with the network's own poses as input, drawn per batch
-    batch_size: int = 32
-    steps: int = 1500
-    learning_rate: float = 1e-3
-    weight_decay: float = 1e-4
+    batch_size: int = 32  # samples of a step
+    steps: int = 1500  # of the training
+    learning_rate: float = 1e-3  # at its highest
+    weight_decay: float = 1e-4  # of AdamW, or 0 for Adam
 
     def __post_init__(self) -> None:
         sizes = (self.n_joints, self.width, self.n_layers, self.condition_width, self.teacher_frames)

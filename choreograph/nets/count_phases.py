@@ -21,17 +21,17 @@ class MotionCountsConfig:
 
     width: int = 48  # channels
     n_blocks: int = 6  # of dilations 1, 2, 4 and so on, with a context of 12.8 s at 20 fps
-    dropout: float = 0.15
+    dropout: float = 0.15  # of the trunk
     feature_dropout: float = 0.2  # of the inputs, so that the network does not depend on one joint
     bar_weight: float = 1.0  # of the bar's likelihood, relative to the beat's
     window_s: float = 16.0  # length of a training sample
     tempo_range: tuple[float, float] = (0.7, 1.4)  # of samples, relative to the take
     mirrored_share: float = 0.5  # of the samples, or 0 where left and right must stay distinct
     recorded_share: float = 0.65  # of the samples that are recorded takes, if there are built-in ones as well
-    batch_size: int = 16
-    steps: int = 400
-    learning_rate: float = 3e-3
-    weight_decay: float = 2e-2
+    batch_size: int = 16  # samples of a step
+    steps: int = 400  # of the training
+    learning_rate: float = 3e-3  # at its highest
+    weight_decay: float = 2e-2  # of AdamW, or 0 for Adam
 
     def __post_init__(self) -> None:
         if min(self.width, self.n_blocks, self.batch_size, self.steps) < 1 or self.window_s <= 0:
@@ -61,12 +61,12 @@ class MusicCountsConfig:
     front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
     width: int = 32  # channels of the trunk
     n_blocks: int = 9  # of the trunk: a context of 34 s on either side
-    dropout: float = 0.1
-    excerpt_s: float = 30.0
-    batch_size: int = 8
-    steps: int = 900
-    learning_rate: float = 3e-3
-    weight_decay: float = 1e-3
+    dropout: float = 0.1  # of the trunk
+    excerpt_s: float = 30.0  # length of a training sample
+    batch_size: int = 8  # samples of a step
+    steps: int = 900  # of the training
+    learning_rate: float = 3e-3  # at its highest
+    weight_decay: float = 1e-3  # of AdamW, or 0 for Adam
     bar_weight: float = 1.0  # of the bar's phase, relative to the beat's
     activation_weight: float = 1.0  # of the activations, relative to the phases
 

@@ -52,11 +52,11 @@ Loss = Callable[[np.random.Generator, torch.device], Tensor]
 class TrainingProgress:
     """The progress of the training of one network."""
 
-    name: str
+    name: str  # of the network
     step: int  # steps done
-    n_steps: int
+    n_steps: int  # steps in all
     loss: float  # mean since the last report
-    seconds_left: float
+    seconds_left: float  # estimated from the steps done
 
 
 @dataclass(frozen=True)

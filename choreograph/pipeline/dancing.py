@@ -62,9 +62,9 @@ class Dance:
     >>> dance.save("dance.bvh")
     """
 
-    motion: Motion
-    plan: Plan
-    notes: tuple[str, ...] = ()  # one line each
+    motion: Motion  # the rendered dance
+    plan: Plan  # the takes that are danced, with their times and costs
+    notes: tuple[str, ...] = ()  # on what is unusual, one line each
     song_path: Path | None = None  # for the sound of pages and videos, which are silent without it
     unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each, also in notes
 

@@ -57,9 +57,9 @@ _SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
 class ExistingDance:
     """A dance that was made before: its motion, and its plan if it is known."""
 
-    motion: Motion
-    plan: Plan | None
-    name: str
+    motion: Motion  # the whole dance
+    plan: Plan | None  # if it is known
+    name: str  # of its file
 
 
 def read_existing(path: str | Path, repertoire: Repertoire) -> ExistingDance:

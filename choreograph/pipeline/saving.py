@@ -43,13 +43,13 @@ _STRIP_POSES = 40
 class SavedParts:
     """A dance with the data that its files need."""
 
-    motion: Motion
-    plan: Plan
-    motion_beats_s: Callable[[], NDArray[np.float64]]
-    song_path: Path | None
+    motion: Motion  # the dance
+    plan: Plan  # its plan
+    motion_beats_s: Callable[[], NDArray[np.float64]]  # returns the motion beats, which only pages need
+    song_path: Path | None  # file of the sound, if there is one
     with_clicks: bool = False  # on the counts, in a video
     character: GltfCharacter | None = None  # that dances instead of the mannequin
-    bvh: BvhOptions | None = None
+    bvh: BvhOptions | None = None  # options of a .bvh
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:

@@ -202,10 +202,10 @@ _LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
 class Loop:
     """A motion whose last frame is its first, and its place in the dance."""
 
-    motion: Motion
+    motion: Motion  # from the start of a bar to the start of another
     start_s: float  # in the dance
-    end_s: float
-    n_bars: int
+    end_s: float  # in the dance
+    n_bars: int  # between start and end
 
 
 def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:

@@ -70,13 +70,13 @@ class Light:
     """Directions to the lights and their linear colours, in camera space."""
 
     key: tuple[float, float, float] = (-0.55, 0.75, -0.55)  # right, up, into the picture
-    fill: tuple[float, float, float] = (0.8, 0.25, -0.5)
-    back: tuple[float, float, float] = (0.3, 0.6, 0.8)
-    key_rgb: tuple[float, float, float] = (1.08, 1.02, 0.94)
-    fill_rgb: tuple[float, float, float] = (0.16, 0.19, 0.24)
-    back_rgb: tuple[float, float, float] = (0.22, 0.24, 0.28)
-    sky_rgb: tuple[float, float, float] = (0.27, 0.29, 0.33)
-    ground_rgb: tuple[float, float, float] = (0.13, 0.115, 0.10)
+    fill: tuple[float, float, float] = (0.8, 0.25, -0.5)  # direction of the fill light
+    back: tuple[float, float, float] = (0.3, 0.6, 0.8)  # direction of the light from behind
+    key_rgb: tuple[float, float, float] = (1.08, 1.02, 0.94)  # colours in linear light
+    fill_rgb: tuple[float, float, float] = (0.16, 0.19, 0.24)  # of the fill light
+    back_rgb: tuple[float, float, float] = (0.22, 0.24, 0.28)  # of the light from behind
+    sky_rgb: tuple[float, float, float] = (0.27, 0.29, 0.33)  # from overhead
+    ground_rgb: tuple[float, float, float] = (0.13, 0.115, 0.10)  # reflected by the floor
 
 
 @dataclass(frozen=True)

@@ -46,9 +46,9 @@ _LAST_WORDS = 8  # whose median is the duration of words after the last count
 class StreamedWord:
     """A word of a streamed dance, and the motif on which the network is conditioned in it."""
 
-    start_s: float
-    end_s: float
-    motif: int
+    start_s: float  # in the song
+    end_s: float  # in the song
+    motif: int  # index in the vocabulary
 
 
 class MotifStream:

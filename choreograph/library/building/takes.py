@@ -240,10 +240,10 @@ FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
 class SegmentedTake:
     """A take at `WORD_FPS` and its words, perhaps none."""
 
-    name: str
-    genre: str
+    name: str  # of the take
+    genre: str  # of the take
     body_pos_m: NDArray[np.float32]  # (T, 21, 3)
-    words: Words
+    words: Words  # in order, perhaps none
 
     def to_word_take(self) -> WordTake:
         """The take as training data of the word network."""

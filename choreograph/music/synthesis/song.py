@@ -145,13 +145,13 @@ class SyntheticSong:
     """
 
     samples: NDArray[np.float32]  # (S, 2) at 44.1 kHz
-    genre: str
+    genre: str  # of its style
     beat_times_s: NDArray[np.float64]  # (Q,), each on a sample
-    beats_per_bar: int
-    sections: tuple[Section, ...]
+    beats_per_bar: int  # its metre
+    sections: tuple[Section, ...]  # in order, without gaps
     tempo: TempoMap  # in beats from the first beat
-    swing: float
-    seed: int
+    swing: float  # 0 (straight) to 1 (triplets)
+    seed: int  # of everything that is drawn at random
 
     @property
     def duration_s(self) -> float:

@@ -37,14 +37,14 @@ class Patch:
     glide_s: float = 0.2  # time constant of the cutoff
     resonance: float = 0.0  # dB at the cutoff
     damping: float = 0.0  # 1/s per harmonic: strings lose high harmonics first
-    attack_s: float = 0.004
-    decay_s: float = 0.3
+    attack_s: float = 0.004  # from silence to full level
+    decay_s: float = 0.3  # time constant, from full level to `sustain`
     sustain: float = 0.7  # level after the decay
-    release_s: float = 0.06
-    unison: int = 1
-    detune_cents: float = 0.0
-    vibrato_cents: float = 0.0
-    vibrato_hz: float = 5.5
+    release_s: float = 0.06  # after the end of the note
+    unison: int = 1  # number of detuned copies
+    detune_cents: float = 0.0  # of the outer copies, to either side
+    vibrato_cents: float = 0.0  # depth of the vibrato
+    vibrato_hz: float = 5.5  # rate of the vibrato
     breath: float = 0.0  # level of noise at the attack
 
 
@@ -54,12 +54,12 @@ class FmPatch:
 
     ratio: float = 1.0  # modulator over carrier frequency
     depth: float = 1.5  # modulation depth at the attack, radians
-    depth_decay_s: float = 0.4
+    depth_decay_s: float = 0.4  # time constant of the depth
     strike_ratio: float = 14.0  # frequency ratio of a short partial: the hammer on the tine
-    strike: float = 0.1
-    decay_s: float = 1.2
-    release_s: float = 0.12
-    tremolo: float = 0.0
+    strike: float = 0.1  # level of the short partial
+    decay_s: float = 1.2  # time constant of the level
+    release_s: float = 0.12  # after the end of the note
+    tremolo: float = 0.0  # depth of the tremolo
 
 
 VOICES: dict[str, Patch | FmPatch] = {

@@ -44,14 +44,14 @@ class Part:
     role: str  # bass, chords, melody
     voices: tuple[str, ...]  # one is drawn per song
     patterns: tuple[str, ...]  # one is drawn per song. A melody draws two
-    enters: float = 0.0
-    leaves: float = 2.0
-    db: float = -14.0
-    pan: float = 0.0
-    send: float = 0.2
+    enters: float = 0.0  # plays in sections whose energy is at least this
+    leaves: float = 2.0  # and below this
+    db: float = -14.0  # level in the mix
+    pan: float = 0.0  # -1 left to 1 right
+    send: float = 0.2  # to the reverb
     width: float = 0.0  # stereo width, 0 ... 1
     low: int = 52  # lowest MIDI note
-    high: int = 76
+    high: int = 76  # highest MIDI note
     doubled: bool = False  # chord voices doubled an octave up, as in a montuno
 
 
@@ -59,18 +59,18 @@ class Part:
 class SongStyle:
     """A genre of the song synthesiser."""
 
-    name: str
+    name: str  # of the genre
     bpm: tuple[float, float]  # usual range
-    lanes: tuple[Lane, ...]
-    parts: tuple[Part, ...]
+    lanes: tuple[Lane, ...]  # drums
+    parts: tuple[Part, ...]  # pitched instruments
     progressions: tuple[str, ...]  # one bar per word, in C. Verse and chorus take one each
     scales: tuple[str, ...]  # for melodies. The best match to the chords is used
     fills: tuple[tuple[str, str], ...]  # (drum, one bar) of which one is drawn per song
     ending: tuple[str, ...] = ("kick", "crash")  # drums on the last downbeat
     crash: str | None = "crash"  # at the start of sections with high energy
-    beats_per_bar: int = 4
+    beats_per_bar: int = 4  # metre
     swing: float = 0.0  # usual swing
-    swing_unit_beats: float = 0.5
+    swing_unit_beats: float = 0.5  # length of the swung unit
     duck: float = 0.0  # depth of the ducking of pitched parts by the kick
     room_s: float = 1.2  # reverb time
 
