@@ -88,8 +88,7 @@ class Plan:
 
     The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
     seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. A part
-    that is kept from another dance is also a word, of any length. Engines of other packages may plan seconds
-    or words.
+    that is kept from another dance is also a word, of any length. Engines of other packages plan either.
 
     Examples
     --------

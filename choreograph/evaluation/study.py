@@ -45,11 +45,11 @@ from choreograph.view.sound import encode_mp4, song_part
 # each dance, because raters who see mixed, unnamed variants cannot compare the dances of one system with each
 # other. Without sound, only the first two questions are used, because the others are about the music.
 #
-# In Rhythm is a Dancer, section 5.3, 45 observers saw pairs of clips and chose the one that represents the
-# genre better, and marked single clips as recorded or generated. Here both questions are about pairs: which
-# of two dances to one song is more salsa, and which was made by a computer. A forced choice has a known
-# chance level of 0.5, for any share of "real" answers. The paper played no music with the question
-# about realism. To do the same, write the study without sound.
+# In Rhythm is a Dancer, section 5.3, 45 observers chose one of two clips that represents the genre better,
+# and marked single clips as recorded or generated. Here both questions are about pairs: which of two dances
+# to one song is more salsa, and which was made by a computer. A forced choice has a chance level of 0.5, for
+# any share of "real" answers. The paper played no music with the question about realism. To do the same,
+# write the study without sound.
 
 
 ASKED = ("ratings", "pairs", "both")
@@ -132,13 +132,12 @@ def mixed_order(songs: Sequence[str], rng: np.random.Generator) -> NDArray[np.in
     return min(orders, key=lambda order: int((np.diff(of_item[order]) == 0).sum()))
 
 
-# A study: a blinded web page on which people rate dances of several variants, or compare two at a time.
+# A study is a blinded web page on which people rate dances of several variants, or compare two at a time.
 #
-# `write_study` writes two files to a folder. `study.html` is all that a rater gets: an offline page for any
-# browser that plays the dances with the preview's player and saves the answers as a small file. It contains
-# no name of a variant, song or take, and nothing of a plan. All dances have the same body and frame rate.
-# `key.json` holds the mapping from dances to variants and stays with whoever runs the study.
-# `study_results.read_study` reads the key and the raters' files.
+# `write_study` writes two files to a folder. Raters get only `study.html`, an offline page for any browser
+# that plays the dances and saves the answers as a small file. It contains no name of a variant, song or take,
+# and no plan. All dances have the same body and frame rate. `key.json` maps dances to variants and stays with
+# the organiser. `study_results.read_study` reads the key and the files of the raters.
 
 
 PAGE_NAME = "study.html"
