@@ -2,16 +2,18 @@
 
 Run: python research/fit_bars.py [--write]
 
-There are 196 songs with seeds from 2000 on. They cover eleven genres at all their tempi and 5 % beyond,
+There are 430 songs with seeds from 2000 on. They cover eleven genres at all their tempi and 5 % beyond,
 steady, swung or with a ramp, and the ten genres in four with one beat cut out of every bar, so that a bar of
-three is not recognised as a waltz by its instruments. Excerpts have 8 to 48 beats, tracked and true. A
-softmax decides between seven hypotheses (three phases of three, four of four). Its scores are sums over beats
-of weights times evidence. The problem is convex and solved by L-BFGS with a penalty on the squares. Both
-metres have equal weight.
+three is not recognised as a waltz by its instruments. Songs in five, six and seven are made of the beats of
+the genres (`content.songs.training_songs.odd_metre_style`). Excerpts have 8 to 48 beats, tracked and true. A
+softmax decides between 25 hypotheses, the phases of three to seven. Its scores are sums over beats of weights
+times evidence. The problem is convex and solved by L-BFGS with a penalty on the squares. All metres have
+equal weight. Rare metres then lose a little at every beat (`RARE_NATS`), about half of what separates songs
+in them from other songs.
 
 The confidence is logistic in the margin over the root of the number of beats. It is fitted to excerpts of 4
-to 35 s of those songs, which are right if the downbeat F-score is 0.8 or more. They are clean, or with noise
-10 dB below to 10 dB above the music. One excerpt of four is noise alone, which is always wrong.
+to 35 s of every sixth of those songs, which are right if the downbeat F-score is 0.8 or more. They are clean,
+or with noise 10 dB below to 10 dB above the music. One excerpt of four is noise alone, which is always wrong.
 
 The script also prints the share of correct excerpts of each genre by weights that were fitted without the
 genre.
@@ -20,9 +22,10 @@ genre.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import soxr
@@ -34,23 +37,21 @@ from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.music import _bar_weights, bars
-from choreograph.music.bars import ACCENT_NAMES, REPEAT_NAMES, beat_evidence
-from choreograph.music.beats import tempo_path_beats
+from choreograph.music.bars import ACCENT_NAMES, METRES, REPEAT_NAMES, beat_evidence
 from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import STYLES, render_song
 from choreograph.music.synthesis.style import SongStyle
-from content.songs.training_songs import in_three
+from choreograph.nets.music_counts import network_beats, shipped_music_counts
+from content.songs.training_songs import in_three, odd_metre_style
 
-FIRST_SEED = 2000
+FIRST_SEED, FIRST_ODD_SEED, N_ODD = 2000, 2300, 54  # songs of each odd metre
+FIRST_COMPOUND_SEED, N_COMPOUND = 2500, 72  # songs in 6/8
+DURATION_S = 45.0
 EXCERPT_BEATS = (8, 12, 16, 24, 32, 48)
 EXCERPTS = 3  # of each length and song
 PENALTY = 0.1
-# Hypothesis (metre, k): the excerpt's first beat is k + 1. Which sums over every third or fourth beat, of the
-# seven, belong to the numbers of the bar.
-SUMS = [
-    *([(p - k) % 3 for p in range(3)] for k in range(3)),
-    *([3 + (p - k) % 4 for p in range(4)] for k in range(4)),
-]
+RARE_NATS = {5: 0.08, 6: 0.05, 7: 0.08}  # of a beat
+FIRST_STATE = dict(zip(METRES, np.cumsum([0, *METRES]).tolist(), strict=False))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,18 +76,32 @@ def songs() -> Iterator[BarSong]:
                 ramp = float(rng.uniform(low, high)) if genre == "waltz" else bpm * rng.uniform(0.75, 1.3)
             if i % 4 == 2:
                 swing = float(rng.uniform(0.5, 1))
-            yield rendered(genre, style, seed, bpm=bpm, ramp_to_bpm=ramp, swing=swing, duration_s=50.0)
+            yield rendered(genre, style, seed, bpm=bpm, ramp_to_bpm=ramp, swing=swing)
             seed += 1
         for _ in range(0 if genre == "waltz" else 4):
             three = in_three(style, dropped=int(rng.integers(1, 4)))
-            yield rendered(genre, three, seed, bpm=float(rng.uniform(*style.bpm)), duration_s=45.0)
+            yield rendered(genre, three, seed, bpm=float(rng.uniform(*style.bpm)))
             seed += 1
+    rng = np.random.default_rng(2)
+    seed = FIRST_ODD_SEED
+    for metre in (5, 6, 7):
+        for i in range(N_ODD):
+            genre, style, bpm = odd_metre_style(metre, rng)
+            ramp = bpm * rng.uniform(0.85, 1.15) if i % 4 == 1 else None
+            swing = float(rng.uniform(0.3, 1.0)) if i % 4 == 2 and metre != 6 else None
+            yield rendered(genre, style, seed, bpm=bpm, ramp_to_bpm=ramp, swing=swing)
+            seed += 1
+    rng = np.random.default_rng(3)
+    for i in range(N_COMPOUND):
+        genre, style, bpm = odd_metre_style(6, rng, compound=True)
+        ramp = bpm * rng.uniform(0.85, 1.15) if i % 4 == 1 else None
+        yield rendered(genre, style, FIRST_COMPOUND_SEED + i, bpm=bpm, ramp_to_bpm=ramp)
 
 
 def rendered(genre: str, style: SongStyle, seed: int, **options: float | None) -> BarSong:
-    song = render_song(style, seed=seed, **options)  # type: ignore[arg-type]
+    song = render_song(style, seed=seed, duration_s=DURATION_S, **options)  # type: ignore[arg-type]
     mono = soxr.resample(song.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
-    tracked_s = tempo_path_beats(log_mel(mono))
+    tracked_s = network_beats(log_mel(mono), shipped_music_counts())
     tracked_s = tracked_s[tracked_s < len(mono) / SAMPLE_RATE_HZ]
     return BarSong(genre, song.beats_per_bar, mono, song.beat_times_s, tracked_s)
 
@@ -99,9 +114,9 @@ def position_in_bar(song: BarSong, beats_s: Floats) -> NDArray[np.int64]:
 
 
 def excerpts(song: BarSong, rng: np.random.Generator) -> Iterator[tuple[Floats, Floats, int]]:
-    """Sums of accents (7, F) and of repeats (R + 1,), and the true hypothesis."""
+    """Sums of accents (25, F) over every third to seventh beat, of repeats (R + 1,), and the true state."""
     mel = log_mel(song.samples)
-    for beats_s in (song.tracked_s, song.true_s):
+    for beats_s in (song.tracked_s, song.true_s[song.true_s < len(song.samples) / SAMPLE_RATE_HZ]):
         accents, repeats = beat_evidence(song.samples, mel, beats_s)
         position = position_in_bar(song, beats_s)
         for length in EXCERPT_BEATS:
@@ -109,28 +124,32 @@ def excerpts(song: BarSong, rng: np.random.Generator) -> Iterator[tuple[Floats, 
                 part = slice(start, start + length)
                 known = position[part] >= 0
                 first = ((position[part] - np.arange(known.size)) % song.metre)[known]
-                votes = np.bincount(first, minlength=4)
+                votes = np.bincount(first, minlength=max(METRES))
                 if known.size < length or known.mean() < 0.9 or votes.max() < 0.95 * known.sum():
                     continue  # the tracker lost the beat here, or found another level
-                sums = [accents[part][k::metre].sum(axis=0) for metre in (3, 4) for k in range(metre)]
+                sums = [accents[part][k::metre].sum(axis=0) for metre in METRES for k in range(metre)]
                 repeated = np.append(repeats[part].sum(axis=0), length)
-                yield np.stack(sums), repeated, int(votes.argmax()) + (0 if song.metre == 3 else 3)
+                yield np.stack(sums), repeated, int(votes.argmax()) + FIRST_STATE[song.metre]
 
 
 def scores(weights: torch.Tensor, metre: torch.Tensor, sums: torch.Tensor, repeats: torch.Tensor):
-    """Score of each hypothesis, (N, 7)."""
-    of_state = [weights[:3]] * 3 + [weights[3:]] * 4
-    accents = [(sums[:, s] * w).sum(dim=(1, 2)) for s, w in zip(SUMS, of_state, strict=True)]
-    three = (repeats @ metre)[:, None]
-    return torch.stack(accents, dim=1) + torch.cat([three.expand(-1, 3), -three.expand(-1, 4)], dim=1)
+    """Score of each state as that of the excerpt's first beat, (N, 25)."""
+    accents = []
+    for n, first in FIRST_STATE.items():
+        in_bar = np.arange(n)
+        for k in in_bar:  # beat j of the excerpt, and every n-th after it, has number (j + k) % n + 1
+            of_number = weights[first + (in_bar + k) % n]
+            accents.append((sums[:, first : first + n] * of_number).sum(dim=(1, 2)))
+    of_metre = repeats @ metre  # (N, 5)
+    return torch.stack(accents, dim=1) + of_metre[:, np.repeat(np.arange(len(METRES)), METRES)]
 
 
 def fit(sums: torch.Tensor, repeats: torch.Tensor, truth: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Weights (7, F) of accents and (R + 1,) of repeats."""
-    weights = torch.zeros(7, sums.shape[2], dtype=torch.float64, requires_grad=True)
-    metre = torch.zeros(repeats.shape[1], dtype=torch.float64, requires_grad=True)
-    is_three = truth < 3
-    share = torch.where(is_three, 0.5 / is_three.sum(), 0.5 / (~is_three).sum())
+    """Weights (25, F) of accents and (R + 1, 5) of repeats."""
+    weights = torch.zeros(sum(METRES), sums.shape[2], dtype=torch.float64, requires_grad=True)
+    metre = torch.zeros(repeats.shape[1], len(METRES), dtype=torch.float64, requires_grad=True)
+    of_metre = torch.as_tensor(np.repeat(np.arange(len(METRES)), METRES))[truth]
+    share = (1.0 / len(METRES) / torch.bincount(of_metre).double())[of_metre]
     optimiser = torch.optim.LBFGS([weights, metre], max_iter=150, line_search_fn="strong_wolfe")
 
     def loss() -> torch.Tensor:
@@ -205,28 +224,36 @@ def leave_genres_out(
 
 def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> str:
     """The module of weights."""
-    rows = [
-        f"        [{', '.join(f'{w:.3f}' for w in row)}],  # {name}"
-        for name, row in zip(ACCENT_NAMES, (weights - weights.mean(axis=0)).T, strict=True)
-    ]
-    repeats = [
-        f"        {w:.4f},  # {name}" for name, w in zip((*REPEAT_NAMES, "always"), metre, strict=True)
-    ]
+    accents = (weights - weights.mean(axis=0)).T
+    repeats = metre - metre.mean(axis=1, keepdims=True)
     return "\n".join(
         [
             '"""Weights of `music.bars`, written by `research/fit_bars.py`."""',
             "",
             "import numpy as np",
             "",
-            "# Log evidence of an accent for beats 1, 2, 3 of three and 1, 2, 3, 4 of four.",
-            "ACCENT_WEIGHTS = np.array(\n    [", *rows, "    ]\n)  # (20, 7)",
-            "# Log evidence of a repeat for three rather than four. The last is added at every beat.",
-            "METRE_WEIGHTS = np.array(\n    [", *repeats, "    ]\n)  # (31,)",
+            "# fmt: off",
+            "# Log evidence of an accent for each state: 1 to 3 of three, 1 to 4 of four, up to seven.",
+            *array("ACCENT_WEIGHTS", accents, ACCENT_NAMES, 3),
+            "# Log evidence of a repeat for bars of three to seven beats. The last row counts at every beat.",
+            *array("METRE_WEIGHTS", repeats, (*REPEAT_NAMES, "always"), 4),
             "# Log odds that bars are right: offset, and slope in margin (nats) over root of beats.",
             f"CONFIDENCE = ({confidence[0]:.2f}, {confidence[1]:.2f})",
             "",
         ]
-    )  # fmt: skip
+    )
+
+
+def array(name: str, rows: Floats, names: Sequence[str], decimals: int) -> list[str]:
+    """Lines of an array, with the name of each row above it."""
+    lines = [f"{name} = np.array(", "    ["]
+    for label, row in zip(names, rows, strict=True):
+        numbers = ", ".join(f"{value:.{decimals}f}" for value in row)
+        lines += [
+            f"        # {label}",
+            *wrap(f"[{numbers}],", 100, initial_indent=8 * " ", subsequent_indent=9 * " "),
+        ]
+    return [*lines, "    ]", f")  # {rows.shape}", ""]
 
 
 def main() -> None:
@@ -240,7 +267,8 @@ def main() -> None:
     sums, repeats, truth = (torch.as_tensor(np.array([row[i] for row in rows])) for i in (1, 2, 3))
     leave_genres_out(genres, sums, repeats, truth)
     weights, metre = fit(sums, repeats, truth)
-    confidence = calibrated(all_songs, (weights.numpy().T, metre.numpy()))
+    metre[-1] -= torch.tensor([RARE_NATS.get(n, 0.0) for n in METRES], dtype=torch.float64)
+    confidence = calibrated(all_songs[::6], (weights.numpy().T, metre.numpy()))
     text = source(weights.numpy(), metre.numpy(), confidence)
     if options.write:
         Path(_bar_weights.__file__).write_text(text, encoding="utf-8")

@@ -50,14 +50,14 @@ _GROUPS = {
     "levels": (10, 11, 12, 13, 14),
     "changes": (15, 16, 17, 18),
 }
-LAGS = (2, 3, 4, 6, 8)  # beats
+LAGS = (2, 3, 4, 5, 6, 7, 8, 10, 12, 14)  # beats
 REPEAT_NAMES = tuple(f"{name}, {lag} beats" for name in (*_GROUPS, "harmony", "timbre") for lag in LAGS)
 
 
 def beat_evidence(
     samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: Floats
 ) -> tuple[Floats, Floats]:
-    """Accents (Q, 20) and repeats (Q, 30) of two beats or more, as named above. They do not depend on gain.
+    """Accents (Q, 20) and repeats (Q, 60) of two beats or more, as named above. They do not depend on gain.
 
     Accents are normalised over the 24 beats around. A repeat is the product of the accents of two beats, or
     of the deviations of their harmony or timbre from the mean of all beats.
@@ -191,19 +191,23 @@ def _repeat(rows: Floats, lag: int) -> Floats:
 
 # Bars of a song: the number of each of its beats, by the features of the music there.
 #
-# A linear model gives the evidence of each beat for each of seven states: beat 1, 2, 3 of a bar of three, and
-# 1, 2, 3, 4 of a bar of four. The bars of the song are the best path through the states. Number follows
-# number, except where the tracker has dropped or added a beat, where music begins with a pick-up, or where
-# the metre changes. Each exception has a cost. Two in a bar are counted as four (two bars as one), and six as
-# three (one bar as two), as dancers do.
+# A linear model gives the evidence of each beat for each state: a number in a bar of three to seven. The bars
+# of the song are the best path through the states. Number follows number, except where the tracker has
+# dropped or added a beat, where music begins with a pick-up, or where the metre changes. Each exception has a
+# cost. Two in a bar are counted as four (two bars as one). Six beats are a bar if they are as fast as the
+# eighths of 6/8. Slower ones are counted as two bars of three, as dancers do.
 #
 # The model was fitted to synthetic songs alone (`research/fit_bars.py`), so no real song was in its training.
 
 
 _MIN_BEATS = 4  # one bar
-METRES = (3, 4)
+METRES = (3, 4, 5, 6, 7)
+_SLOWEST_SIX_BPM = 140.0
 STATE_METRE = np.repeat(METRES, METRES)
 STATE_NUMBER = np.concatenate([np.arange(1, metre + 1) for metre in METRES])
+_METRE_OF_STATE = np.repeat(np.arange(len(METRES)), METRES)
+# Two bars of three and a bar of six are counted alike by dancers.
+_PLACE = np.where(STATE_METRE == 6, 30 + (STATE_NUMBER - 1) % 3, 10 * STATE_METRE + STATE_NUMBER - 1)
 _P_IRREGULAR = 1e-3  # that a bar is shorter or longer
 _P_CHANGE = 1e-5  # that a whole bar is followed by another metre
 
@@ -228,8 +232,8 @@ def track_bars(
 
     Returns
     -------
-    Counts   the beats with their numbers. The metre, 3 or 4, is that of most beats, since it may change
-    within a song. The confidence is the probability that the bars are right, given that the beats are. There
+    Counts   the beats with their numbers. The metre is that of most beats, since it may change within a
+    song. The confidence is the probability that the bars are right, given that the beats are. There
     are no bars (metre 0) if there are fewer than four beats or the song is silent
 
     Raises
@@ -247,6 +251,8 @@ def track_bars(
         return _without_bars(beats_s)
     evidence = state_evidence(accents, repeats, ACCENT_WEIGHTS, METRE_WEIGHTS)
     evidence[:, ~np.isin(STATE_METRE, metres)] = -np.inf
+    if np.median(np.diff(beats_s)) > 60.0 / _SLOWEST_SIX_BPM:
+        evidence[:, STATE_METRE == 6] = -np.inf
     if may_be_one is not None:
         evidence[~may_be_one[:, None] & (STATE_NUMBER == 1)] = -np.inf
     states, margin = best_bars(evidence)
@@ -264,30 +270,28 @@ def _without_bars(beats_s: Floats) -> Counts:
 
 
 def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, metre_weights: Floats) -> Floats:
-    """Log evidence of each state at each beat, (Q, 7): beats 1, 2, 3 of three and 1, 2, 3, 4 of four."""
-    for_three = repeats @ metre_weights[:-1] + metre_weights[-1]  # (Q,)
-    evidence: Floats = accents @ accent_weights + np.where(
-        STATE_METRE == 3, for_three[:, None], -for_three[:, None]
-    )
+    """Log evidence (Q, 25) of each beat for each state."""
+    of_metre = repeats @ metre_weights[:-1] + metre_weights[-1]  # (Q, 5)
+    evidence: Floats = accents @ accent_weights + of_metre[:, _METRE_OF_STATE]
     return evidence
 
 
 def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
-    """The best path of states (Q,), and its log margin over the best path with no state in common."""
+    """The best path of states (Q,), and its log margin over the best path that is nowhere counted alike."""
     from scipy.special import softmax
 
     from choreograph.music.cached_librosa import librosa  # a second to import
 
-    suits = softmax(evidence, axis=1).T  # (7, Q)
+    suits = softmax(evidence, axis=1).T  # (25, Q)
     transition = _transition()
     states, score = librosa.sequence.viterbi(suits, transition, return_logp=True)
-    suits[states, np.arange(len(states))] = 0.0
+    suits[_PLACE[:, None] == _PLACE[states]] = 0.0
     _, other = librosa.sequence.viterbi(suits, transition, return_logp=True)
     return states.astype(np.int64), float(np.squeeze(score - other))
 
 
 def _transition() -> Floats:
-    """Transition probabilities (7, 7) between the states of two beats."""
+    """Transition probabilities (25, 25) between the states of two beats."""
     same_metre = STATE_METRE[:, None] == STATE_METRE
     last = STATE_NUMBER == STATE_METRE
     out = np.where(same_metre, _P_IRREGULAR, 0.0)

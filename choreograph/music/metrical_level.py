@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -108,6 +108,7 @@ _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers coun
 # The numbers in a bar of each metre that are counted at the slower level. Half of three beats is no whole
 # count, so a bar of three has one. Bars of five and seven are counted at their own level only.
 _SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
+_DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 
 
 def metrical_levels(
@@ -159,19 +160,20 @@ def choose_level(
     no take is not chosen, except the first one. Its bars may be wrong, so it is chosen even without takes in
     its metre if takes of other metres would be danced much too fast at another level.
     """
-    distances = [
-        _distance_octaves(tempo_bpm(song), take_tempi_bpm[song.metre], take_weights[song.metre])
-        if np.sum(take_weights.get(song.metre, 0.0)) > 0
-        else np.inf
-        for song in levels
-    ]
+    distances = []
+    for song in levels:
+        metres = [metre for metre in _DANCED_IN.get(song.metre, (song.metre,)) if metre in take_weights]
+        tempi_bpm, weights = _of_metres(metres, take_tempi_bpm), _of_metres(metres, take_weights)
+        distances.append(_distance_octaves(tempo_bpm(song), tempi_bpm, weights) if weights.sum() else np.inf)
     if np.isinf(distances[0]) and np.isfinite(distances).any():
-        tempi_bpm, weights = (
-            np.concatenate([of_metre[m] for m in take_weights]) for of_metre in (take_tempi_bpm, take_weights)
-        )
+        tempi_bpm, weights = (_of_metres(take_weights, values) for values in (take_tempi_bpm, take_weights))
         distances[0] = _OTHER_METRE + _distance_octaves(tempo_bpm(levels[0]), tempi_bpm, weights)
     nearest = int(np.argmin(distances))
     return levels[nearest] if distances[nearest] < distances[0] - _CLEARLY_NEARER else levels[0]
+
+
+def _of_metres(metres: Iterable[int], by_metre: Mapping[int, Floats]) -> Floats:
+    return np.concatenate([np.zeros(0), *(by_metre[metre] for metre in metres)])
 
 
 def level_at_tempo(

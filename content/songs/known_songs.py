@@ -13,6 +13,7 @@ from choreograph.music.synthesis.composition import Section
 from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.music.synthesis.style import SongStyle
+from content.songs.metre_styles import METRE_STYLES
 
 # Songs with ground truth for tests and benchmarks. None of them is a song of the built-in takes.
 #
@@ -29,8 +30,8 @@ class BenchmarkSong:
     """Parameters of one benchmark song."""
 
     name: str
-    group: str  # steady, ramp, swung
-    genre: str
+    group: str  # steady, ramp, swung, level (too fast to count every beat), metre (five, six, seven)
+    genre: str  # of `STYLES` or `METRE_STYLES`
     bpm: float
     seed: int
     ramp_to_bpm: float | None = None
@@ -39,7 +40,7 @@ class BenchmarkSong:
     def render(self) -> SyntheticSong:
         """Render about 50 s."""
         return render_song(
-            self.genre,
+            METRE_STYLES.get(self.genre, self.genre),
             bpm=self.bpm,
             duration_s=_DURATION_S,
             seed=self.seed,
@@ -67,6 +68,17 @@ BENCHMARK_SONGS = (
     BenchmarkSong("swung house 121", "swung", "house", 121.0, 1015, swing=0.7),
     BenchmarkSong("swung swing 132", "swung", "swing", 132.0, 1016, swing=1.0),
     BenchmarkSong("swung swing 148", "swung", "swing", 148.0, 1017, swing=0.9),
+    BenchmarkSong("house 164", "level", "house", 164.0, 1018),
+    BenchmarkSong("disco 164", "level", "disco", 164.0, 1019),
+    BenchmarkSong("hip-hop 164", "level", "hip-hop", 164.0, 1020),
+    BenchmarkSong("waltz 172", "level", "waltz", 172.0, 1021),
+    BenchmarkSong("waltz 180", "level", "waltz", 180.0, 1022),
+    BenchmarkSong("jazz in five 166", "metre", "jazz in 3+2", 166.0, 1023, swing=0.8),
+    BenchmarkSong("rock in five 124", "metre", "rock in 2+3", 124.0, 1024),
+    BenchmarkSong("ballad in six 174", "metre", "ballad in 3+3", 174.0, 1025),
+    BenchmarkSong("jig in six 216", "metre", "jig in 3+3", 216.0, 1026),
+    BenchmarkSong("aksak in seven 214", "metre", "aksak in 2+2+3", 214.0, 1027),
+    BenchmarkSong("rock in seven 142", "metre", "rock in 4+3", 142.0, 1028),
 )
 
 

@@ -22,24 +22,105 @@ from choreograph.music.synthesis.style import STEPS_PER_BEAT, Lane, Part, SongSt
 
 Source = TypeVar("Source", Lane, Part)
 
+_EIGHTHS = ("hat", "shaker", "brush", "ride", "guiro", "cascara")
 _SOFTER = str.maketrans("Xx", "xo")
 _LEVEL_DB = 4.0  # standard deviation of a source's level from that of its style
 _P_OTHER_VOICE, _P_SILENT_LANE, _P_WITHOUT_DRUMS, _P_EVERYWHERE = 0.35, 0.2, 0.12, 0.25
 
 
+def rebarred(style: SongStyle, beats: Sequence[int], *, softer: Sequence[int] = ()) -> SongStyle:
+    """A style whose bars are made of beats (0 to 3, or 0 to 2) of its own bars, in this order.
+
+    The beats at the places `softer` of the new bar have softer notes. `ParameterError` for a beat that the
+    style does not have.
+    """
+    bar, n_beats = style.steps_per_bar, style.beats_per_bar
+    if not beats or not all(0 <= beat < n_beats for beat in beats):
+        raise ParameterError(f"expected beats from 0 to {n_beats - 1} of a bar, got {list(beats)}")
+
+    def change(pattern: str) -> str:
+        bars = [pattern[i : i + bar] for i in range(0, len(pattern), bar)]
+        return "".join(
+            steps.translate(_SOFTER) if place in softer else steps
+            for old in bars
+            for place, beat in enumerate(beats)
+            for steps in [old[STEPS_PER_BEAT * beat : STEPS_PER_BEAT * (beat + 1)]]
+        )
+
+    return replace(
+        _with_patterns(style, change), name=f"{style.name} {tuple(beats)}", beats_per_bar=len(beats),
+        fills=tuple((drum, change(pattern)) for drum, pattern in style.fills),
+    )  # fmt: skip
+
+
 def in_three(style: SongStyle, *, dropped: int) -> SongStyle:
     """A style in four with one beat (0 to 3) of every bar left out. `ParameterError` for another metre."""
     _expect_metre(style, 4)
-    bar, beat = style.steps_per_bar, STEPS_PER_BEAT * dropped
+    three = rebarred(style, [beat for beat in range(4) if beat != dropped])
+    return replace(three, name=f"{style.name} in three")
 
-    def cut(pattern: str) -> str:
-        bars = [pattern[i : i + bar] for i in range(0, len(pattern), bar)]
-        return "".join(bar[:beat] + bar[beat + STEPS_PER_BEAT :] for bar in bars)
 
+def in_compound_six(style: SongStyle, *, every_eighth: bool) -> SongStyle:
+    """A style in four as 6/8: two of its beats are a bar, and each is divided in three eighths.
+
+    The beats of the new style are the eighths. Notes between two beats move to the second or third eighth.
+    `every_eighth` fills the hats and shakers. `ParameterError` for another metre.
+    """
+    _expect_metre(style, 4)
+
+    def change(pattern: str) -> str:
+        slots = []
+        for i in range(0, len(pattern), STEPS_PER_BEAT):
+            first, second, third, fourth = pattern[i : i + STEPS_PER_BEAT]
+            slots += [first, second, fourth if third in ".-" and fourth not in ".-" else third]
+        following = [*slots[1:], "."]
+        return "".join(
+            slot + (STEPS_PER_BEAT - 1) * ("-" if slot == "-" or after == "-" else ".")
+            for slot, after in zip(slots, following, strict=True)
+        )
+
+    lanes = _repatterned(style.lanes, change)
+    if every_eighth:
+        eighths = tuple("x...o...o..." * (len(p) // 12) for p in lanes[0].patterns[:1])
+        lanes = tuple(replace(lane, patterns=eighths) if lane.drum in _EIGHTHS else lane for lane in lanes)
     return replace(
-        _with_patterns(style, cut), name=f"{style.name} in three", beats_per_bar=3,
-        fills=tuple((drum, cut(pattern)) for drum, pattern in style.fills),
+        style, name=f"{style.name} in 6/8", beats_per_bar=6, lanes=lanes, swing=0.0,
+        parts=_repatterned(style.parts, change),
+        fills=tuple((drum, change(pattern)[24:]) for drum, pattern in style.fills),
     )  # fmt: skip
+
+
+# Bars of five and seven made of the beats of a bar of four, and the places of their softer beats.
+_BARS = {
+    5: (((0, 1, 2, 0, 1), (3,)), ((0, 1, 3, 2, 3), ()), ((0, 1, 2, 3, 3), ()), ((0, 1, 0, 1, 2), (2,)),
+        ((0, 1, 2, 2, 3), ())),
+    7: (((0, 1, 0, 1, 0, 1, 2), (2, 4)), ((0, 1, 2, 0, 1, 0, 1), (3, 5)), ((0, 1, 2, 3, 0, 1, 2), (4,)),
+        ((0, 1, 2, 0, 1, 2, 3), (3,)), ((0, 1, 2, 3, 2, 3, 3), ())),
+}  # fmt: skip
+_BPM_OF_METRE = {5: (85.0, 200.0), 6: (140.0, 235.0), 7: (110.0, 235.0)}
+
+
+def odd_metre_style(
+    metre: int, rng: np.random.Generator, *, compound: bool = False
+) -> tuple[str, SongStyle, float]:
+    """A genre, its style in five, six or seven, and a tempo, all drawn. Beats of six are eighths of 6/8.
+
+    A bar of six is made of two bars of three, or with `compound` of two beats.
+    """
+    fours = [name for name, style in STYLES.items() if style.beats_per_bar == 4]
+    genre = str(rng.choice(fours))
+    if metre != 6:
+        beats, softer = _BARS[metre][rng.integers(len(_BARS[metre]))]
+    elif compound:
+        style = in_compound_six(STYLES[genre], every_eighth=rng.random() < 0.5)
+        return genre, style, float(rng.uniform(*_BPM_OF_METRE[metre]))
+    elif rng.random() < 0.3:
+        genre, beats, softer = "waltz", (0, 1, 2, 0, 1, 2), (3, 4, 5)
+    else:
+        beats, softer = 2 * tuple(sorted(map(int, rng.choice(4, 3, replace=False)))), (3, 4, 5)
+        if rng.random() < 0.5:
+            beats, softer = (0, 1, 1, 2, 3, 3), ()
+    return genre, rebarred(STYLES[genre], beats, softer=softer), float(rng.uniform(*_BPM_OF_METRE[metre]))
 
 
 def in_six(style: SongStyle) -> SongStyle:

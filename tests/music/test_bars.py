@@ -23,9 +23,12 @@ CLICK = 0.3 * np.sin(2 * np.pi * 2500 * N) * np.exp(-60 * N)
 
 
 def bars_of_clicks(
-    metre: int, *, first: int = 1, n_beats: int = 48, bpm: float = 110.0
+    metre: int, *, first: int = 1, n_beats: int = 48, bpm: float = 110.0, second: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Samples, beats and their numbers: a kick and a new chord on every 1, clicks on all beats."""
+    """Samples, beats and their numbers: a kick and a new chord on every 1, clicks on all beats.
+
+    There is a kick of strength `second` in the middle of the bar.
+    """
     beats_s = 0.4 + np.arange(n_beats) * 60 / bpm
     numbers = (np.arange(n_beats) + first - 1) % metre + 1
     samples = np.zeros(round((beats_s[-1] + 1) * SAMPLE_RATE_HZ))
@@ -36,7 +39,8 @@ def bars_of_clicks(
         tone = 0.2 * np.sin(
             2 * np.pi * pitch_hz * np.arange(round(60 / bpm * SAMPLE_RATE_HZ)) / SAMPLE_RATE_HZ
         )
-        for sound in (tone, CLICK, KICK if number == 1 else 0 * KICK):
+        strength = {1: 1.0, metre // 2 + 1: second}.get(number, 0.0)
+        for sound in (tone, CLICK, strength * KICK):
             room = samples[start : start + len(sound)]
             room += sound[: len(room)]
     return samples.astype(np.float32), beats_s, numbers
@@ -47,8 +51,8 @@ def tracked(samples: np.ndarray, beats_s: np.ndarray):
 
 
 @pytest.mark.slow
-@given(st.sampled_from([3, 4]), st.integers(0, 3), st.floats(80, 160))
-@settings(max_examples=12)
+@given(st.sampled_from([3, 4, 5, 7]), st.integers(0, 6), st.floats(80, 160))
+@settings(max_examples=16)
 def test_planted_bars_are_found(metre, first, bpm):
     samples, beats_s, numbers = bars_of_clicks(metre, first=first % metre + 1, bpm=bpm)
     counts = tracked(samples, beats_s)
@@ -75,6 +79,21 @@ def test_a_dropped_beat_makes_one_irregular_bar():
     assert (counts.numbers == numbers[kept]).mean() > 0.95
     steps = (np.diff(counts.numbers) % 4 != 1).sum()
     assert steps == 1
+
+
+def test_six_fast_beats_are_a_bar_and_six_slow_ones_are_two():
+    """As in 6/8, where beats are eighths, and in a waltz whose chords last two bars."""
+    for bpm, metre, downbeats in ((180.0, 6, slice(None, None, 6)), (100.0, 3, slice(None, None, 3))):
+        samples, beats_s, _ = bars_of_clicks(6, bpm=bpm, second=0.4)
+        counts = tracked(samples, beats_s)
+        assert counts.metre == metre
+        assert counts.downbeat_times_s.tolist() == beats_s[downbeats].tolist()
+
+
+def test_bars_begin_where_they_may():
+    samples, beats_s, numbers = bars_of_clicks(4, n_beats=64)
+    counts = track_bars(samples, log_mel(samples), beats_s, metres=(4,), may_be_one=numbers == 3)
+    assert (counts.numbers == (numbers + 1) % 4 + 1).all()
 
 
 def test_without_bars():
@@ -112,7 +131,7 @@ def test_evidence_has_its_names_and_is_finite():
 
 
 def test_the_path_may_change_metre_at_a_bar():
-    evidence = np.zeros((40, 7))
+    evidence = np.zeros((40, 25))
     evidence[np.arange(20), np.arange(20) % 4 + 3] = 2.0
     evidence[np.arange(20, 40), np.arange(20) % 3] = 2.0
     states, margin = best_bars(evidence)
@@ -152,6 +171,20 @@ def test_downbeats_of_songs_that_begin_anywhere(song):
     assert counts.metre == rendered.beats_per_bar
     assert f_score(found, downbeats_s) > 0.85
     assert counts.confidence > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "song", [s for s in BENCHMARK_SONGS if s.group in ("level", "metre")], ids=lambda s: s.name
+)
+def test_downbeats_of_songs_in_any_metre(song):
+    """Nothing was fitted to these styles. The beats are the true ones, without those of the first bar."""
+    rendered = song.render()
+    samples, bars_s = mono(rendered), rendered.bar_times_s
+    beats_s = rendered.beat_times_s[3:-2]
+    counts = track_bars(samples, log_mel(samples), beats_s)
+    assert counts.metre == rendered.beats_per_bar
+    assert counts.downbeat_times_s.tolist() == bars_s[1 : 1 + len(counts.downbeat_times_s)].tolist()
 
 
 @pytest.mark.slow

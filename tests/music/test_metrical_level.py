@@ -41,6 +41,12 @@ def test_a_level_is_held_against_takes_of_its_own_metre():
     assert choose_level(levels, *takes()) is levels[0]
 
 
+def test_a_bar_of_six_is_danced_as_two_of_three():
+    levels = (counted(180, metre=6), counted(60))
+    assert choose_level(levels, *takes(m3=[170.0], m4=[60.0])) is levels[0]
+    assert choose_level(levels, *takes(m4=[60.0])) is levels[1]
+
+
 def test_bars_heard_wrongly_do_not_double_the_tempo():
     """A song in four that was tracked in three: takes in four are not danced at twice their tempo for it."""
     heard_in_three, doubled = counted(108, metre=3), counted(216)

@@ -8,12 +8,15 @@ import pytest
 from choreograph.core.errors import ParameterError
 from choreograph.music.synthesis.song import STYLES, render_song
 from choreograph.music.synthesis.style import SongStyle
+from content.songs.metre_styles import METRE_STYLES
 from content.songs.training_songs import (
     double_time_drums,
     drums_of,
     half_time_drums,
     in_six,
     in_three,
+    odd_metre_style,
+    rebarred,
     reorchestrated,
 )
 
@@ -34,6 +37,30 @@ def test_in_three_every_pattern_has_whole_bars_of_three(style, dropped):
     before = style.lanes[0].patterns[0][:16]
     kept = [before[4 * beat : 4 * beat + 4] for beat in range(4) if beat != dropped]
     assert three.lanes[0].patterns[0][:12] == "".join(kept)
+
+
+def test_a_bar_is_made_of_beats_of_another():
+    five = rebarred(STYLES["house"], (0, 1, 2, 0, 1), softer=(3,))
+    assert five.beats_per_bar == 5 and all(len(p) % 20 == 0 for p in patterns(five))
+    before, after = STYLES["house"].lanes[0].patterns[0], five.lanes[0].patterns[0]
+    assert after[:12] == before[:12] and after[16:20] == before[4:8]
+    assert after[12:16] == before[:4].translate(str.maketrans("Xx", "xo"))
+    with pytest.raises(ParameterError, match="from 0 to 3"):
+        rebarred(STYLES["house"], (0, 4))
+
+
+@pytest.mark.parametrize("metre", [5, 6, 7])
+def test_styles_in_odd_metres_are_drawn(metre):
+    drawn = [odd_metre_style(metre, np.random.default_rng(seed)) for seed in range(8)]
+    assert {style.beats_per_bar for _, style, _ in drawn} == {metre}
+    assert len({style.name for _, style, _ in drawn}) > 4
+    assert all(len(p) % (4 * metre) == 0 for _, style, _ in drawn for p in patterns(style))
+
+
+@pytest.mark.parametrize("style", METRE_STYLES.values(), ids=lambda style: style.name)
+def test_benchmark_styles_have_whole_bars(style):
+    assert all(len(p) % style.steps_per_bar == 0 for p in patterns(style))
+    assert {style.beats_per_bar for style in METRE_STYLES.values()} == {5, 6, 7}
 
 
 def test_in_six_the_second_half_of_a_bar_is_softer():

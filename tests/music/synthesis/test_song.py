@@ -16,6 +16,7 @@ from choreograph.music.synthesis.song import STYLES, render_song, write_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.music.synthesis.style import Lane, SongStyle
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
+from content.songs.metre_styles import METRE_STYLES
 
 pytestmark = pytest.mark.slow
 
@@ -191,5 +192,8 @@ def test_benchmark_songs_cover_the_tempi():
         len({song.seed for song in BENCHMARK_SONGS}) == len(BENCHMARK_SONGS)
         and min(s.seed for s in BENCHMARK_SONGS) >= FIRST_SEED
     )
+    metres = [METRE_STYLES[s.genre].beats_per_bar for s in BENCHMARK_SONGS if s.group == "metre"]
+    assert sorted(set(metres)) == [5, 6, 7]
+    assert {164.0, 172.0} <= {s.bpm for s in BENCHMARK_SONGS if s.group == "level"}
     song = groups["ramp"][0].render()
     assert 45.0 < song.duration_s < 60.0
