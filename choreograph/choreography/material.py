@@ -173,11 +173,13 @@ def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
 #
 # A bar of the genre lasts one bar of the song, or half of one, or two of them. If it has fewer counts than
 # there are beats, each count is on a beat, and the first counts are the long ones. A waltz on a bar of four
-# is danced slow, quick, quick. If it has more counts, each beat has one, and the last beats have two.
+# is danced slow, quick, quick. If it has more counts, each beat has one, and the last beats have two. Both
+# halves of a bar of six begin with a count if possible, so two bars of waltz are danced on it.
 
 
 _BARS_IN_BARS = ((1, 1), (2, 1), (1, 2))  # bars of the genre in bars of the song
 _OTHER_BARS = 0.5  # penalty, in octaves of tempo, of bars that do not last one bar of the song
+_OFF_MIDDLE = 2.0  # the same, of bars of six (6/8) whose second half does not begin with a count
 
 
 def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
@@ -191,13 +193,15 @@ def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
     if counts.metre == metre or len(downbeats) < 2:
         return counts
     beat_bpm = tempo_bpm(counts)
-    of_dance, of_song = min(
-        _BARS_IN_BARS,
-        key=lambda way: (
-            abs(np.log2(beat_bpm * way[0] * metre / (way[1] * counts.metre) / bpm))
-            + _OTHER_BARS * (way != _BARS_IN_BARS[0])
-        ),
-    )
+
+    def penalty(way: tuple[int, int]) -> float:
+        n_counts, n_beats = way[0] * metre, way[1] * counts.metre
+        octaves = abs(np.log2(beat_bpm * n_counts / n_beats / bpm)) + _OTHER_BARS * (way != _BARS_IN_BARS[0])
+        middles = np.arange(3, n_beats if counts.metre == 6 else 0, 6)
+        is_on_middle = np.isin(middles, _beats_of_counts(n_counts, n_beats)).all()
+        return float(octaves + _OFF_MIDDLE * (not is_on_middle))
+
+    of_dance, of_song = min(_BARS_IN_BARS, key=penalty)
     starts = [*downbeats.tolist(), int(downbeats[-1]) + counts.metre]
     beats, numbers = [], []
     for first in range(0, len(starts) - 1, of_song):

@@ -216,3 +216,14 @@ def test_takes_are_laid_on_the_bars_if_none_that_may_be_danced_is_in_the_metre(t
     assert made.metre_notes == (note,)
     others = [Ban(genre="rumba")]
     assert choose_material(four, repertoire, make_constraints(bans=others)).counts.metre == 3
+
+
+@pytest.mark.parametrize(("metre", "bpm", "beats"), [(3, 90.0, 1.0), (3, 180.0, 1.0), (4, 120.0, 1.5)])
+def test_both_halves_of_a_bar_of_six_begin_with_a_count(metre, bpm, beats):
+    """Three counts on beats 1, 3 and 5 would be nearest to the tempo of a slow waltz."""
+    eighths = make_counts(np.arange(60) / 3.0, numbers_in_bar(60, 6), 6)  # 6/8 at 60 dotted quarters a minute
+    laid = counts_on_bars(eighths, metre, bpm)
+    halves_s = eighths.times_s[eighths.numbers % 3 == 1]
+    assert np.abs(halves_s[:, None] - laid.times_s).min(axis=1).max() < 1e-9
+    assert np.isin(laid.downbeat_times_s, halves_s).all()
+    assert np.diff(laid.times_s).mean() == pytest.approx(beats / 3.0, rel=0.05)
