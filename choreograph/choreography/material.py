@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.genres import genre_note, likely_genres
@@ -14,7 +14,7 @@ from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
 from choreograph.core.counts import Counts, make_counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
-from choreograph.core.timebase import CLIP_S
+from choreograph.core.timebase import CLIP_S, MAX_SLOPE, MIN_SLOPE
 from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import FEWEST_COUNTS
@@ -90,9 +90,11 @@ def choose_material(
     if constraints.genre is None and constraints.signature is None:
         goals, notes = _likely_goals(song_features, repertoire, constraints)
         banned = {ban.take or ban.genre for ban in constraints.bans}
-        allowed = np.array([banned.isdisjoint((t.name, t.credits.genre)) for t in repertoire.takes])
+        takes = np.array([banned.isdisjoint((t.name, t.credits.genre)) for t in repertoire.takes])
+        if goals:
+            takes = np.any([goal.takes_among(takes) for goal in goals], axis=0)
         counts, metre_notes = _counts_of_takes(
-            song_features.counts, repertoire, allowed, "all that may be danced"
+            song_features.counts, repertoire, takes, "all that may be danced"
         )
         return Material(tuple(goals), counts, notes, metre_notes)
     goal = _requested_goal(repertoire, constraints)
@@ -180,26 +182,31 @@ def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
 _BARS_IN_BARS = ((1, 1), (2, 1), (1, 2))  # bars of the genre in bars of the song
 _OTHER_BARS = 0.5  # penalty, in octaves of tempo, of bars that do not last one bar of the song
 _OFF_MIDDLE = 2.0  # the same, of bars of six (6/8) whose second half does not begin with a count
+_TOO_FAR = 10.0  # of a take that would have to be faster than double or slower than half its speed
 
 
-def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
+def counts_on_bars(counts: Counts, metre: int, bpm: ArrayLike) -> Counts:
     """The counts of a dance in another metre on the bars of a song.
 
-    `counts` are those of the song, `metre` the counts in a bar of the dance, and `bpm` the tempo of its
-    takes, which determines how many bars a bar lasts. Bars of the song that are in the dance's metre keep
-    their beats as counts.
+    `counts` are those of the song, `metre` the counts in a bar of the dance, and `bpm` (X,) the tempi of its
+    takes, which determine how many bars a bar lasts. The nearest quarter of the takes decides, since these
+    will be danced. Bars of the song that are in the dance's metre keep their beats as counts.
     """
     downbeats = np.flatnonzero(counts.numbers == 1)
     if counts.metre == metre or len(downbeats) < 2:
         return counts
-    beat_bpm = tempo_bpm(counts)
+    count_beats = tempo_bpm(counts) / np.atleast_1d(bpm)[:, None]  # (X, 1) length of a count of the takes
 
     def penalty(way: tuple[int, int]) -> float:
-        n_counts, n_beats = way[0] * metre, way[1] * counts.metre
-        octaves = abs(np.log2(beat_bpm * n_counts / n_beats / bpm)) + _OTHER_BARS * (way != _BARS_IN_BARS[0])
-        middles = np.arange(3, n_beats if counts.metre == 6 else 0, 6)
-        is_on_middle = np.isin(middles, _beats_of_counts(n_counts, n_beats)).all()
-        return float(octaves + _OFF_MIDDLE * (not is_on_middle))
+        """How far a way is from the tempi of the takes, in octaves, and its other faults."""
+        n_beats = way[1] * counts.metre
+        on = _beats_of_counts(way[0] * metre, n_beats)
+        away = np.abs(np.log2(count_beats / np.diff(on).mean())[:, 0])
+        speeds = count_beats / np.diff(on)  # (X, counts)
+        away[(speeds.min(axis=1) < MIN_SLOPE) | (speeds.max(axis=1) > MAX_SLOPE)] = _TOO_FAR
+        off_middle = not np.isin(np.arange(3, n_beats if counts.metre == 6 else 0, 6), on).all()
+        faults = _OTHER_BARS * (way != _BARS_IN_BARS[0]) + _OFF_MIDDLE * off_middle
+        return float(np.percentile(away, 25, method="lower") + faults)
 
     of_dance, of_song = min(_BARS_IN_BARS, key=penalty)
     starts = [*downbeats.tolist(), int(downbeats[-1]) + counts.metre]
@@ -207,7 +214,7 @@ def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
     for first in range(0, len(starts) - 1, of_song):
         start, stop = starts[first], starts[min(first + of_song, len(starts) - 1)]
         n_counts = metre if stop - start == metre else of_dance * metre
-        beats.append(start + _beats_of_counts(n_counts, stop - start))
+        beats.append(start + _beats_of_counts(n_counts, stop - start)[:-1])
         numbers.append(np.arange(n_counts) % metre + 1)
     at = np.concatenate(beats)
     inside = at <= len(counts) - 1
@@ -218,8 +225,8 @@ def counts_on_bars(counts: Counts, metre: int, bpm: float) -> Counts:
 
 
 def _beats_of_counts(n_counts: int, n_beats: int) -> Floats:
-    """The beats (n_counts,) of a bar, from 0 and fractional, on which its counts are."""
-    counts, beats = np.arange(n_counts), np.arange(n_beats + 1)
+    """The beats (n_counts + 1,), from 0 and fractional, of the counts of a bar and of its end."""
+    counts, beats = np.arange(n_counts + 1), np.arange(n_beats + 1)
     if n_counts <= n_beats:
         return -(-(counts * n_beats) // n_counts).astype(np.float64)
     return np.interp(counts, beats * n_counts // n_beats, beats)
@@ -240,7 +247,7 @@ def _counts_of_takes(
     if not counts.has_bars or len(metres) == 0 or counts.metre in metres:
         return counts, ()
     metre = int(np.bincount(metres).argmax())
-    bpm = float(np.median([tempo_bpm(of_take) for of_take in of_takes if of_take.metre == metre]))
+    bpm = [tempo_bpm(of_take) for of_take in of_takes if of_take.metre == metre]
     laid = counts_on_bars(counts, metre, bpm)
     if laid is counts:
         return counts, ()
