@@ -16,7 +16,7 @@ from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGM
 from choreograph.library.checks import check_counts, check_parts
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import middle_starts
-from choreograph.motion.body import to_root_frame
+from choreograph.motion.body import front_rad, heading_rad, to_root_frame
 from choreograph.motion.contacts import step_counts
 from choreograph.motion.motion import Credits
 from choreograph.motion.motion_beats import Liveliness, mean_joint_speed_m_s
@@ -216,6 +216,21 @@ class ClipMotion:
         result: NDArray[np.float32] = self._uncertainty[self._clip_rows[clip] + middle]
         return result
 
+    def headings_rad(self, clip: AnyInts, frames: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Headings (N, M) of clips (N,) at fractional clip frames (N, M), from the front of their take.
+
+        Continuous along a take: a full turn adds 2π.
+        """
+        first, stop = self._take_rows[self._clip_take[clip]].T
+        rows = np.clip(self._clip_rows[clip][:, None] + frames, first[:, None], stop[:, None] - 1)
+        row = np.minimum(np.floor(rows).astype(np.int64), np.maximum(stop - 2, first)[:, None])
+        headings = self._headings_rad
+        beyond = np.minimum(row + 1, len(headings) - 1)
+        result: NDArray[np.float32] = headings[row] + (rows - row).astype(np.float32) * (
+            headings[beyond] - headings[row]
+        )
+        return result
+
     @cached_property
     def liveliness_ranks(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, of the liveliness of the middle 4 s of each clip in its genre."""
@@ -262,6 +277,20 @@ class ClipMotion:
     @cached_property
     def _liveliness(self) -> Liveliness:
         return Liveliness([self.body_pos_m(take) for take in range(len(self._take_rows))], self._genres)
+
+    @cached_property
+    def fronts_rad(self) -> NDArray[np.float64]:
+        """The direction that each take (takes,) faces most: its front."""
+        return np.array([front_rad(heading_rad(self.body_pos_m(t).astype(np.float64))) for t in range(len(self._take_rows))])
+
+    @cached_property
+    def _headings_rad(self) -> NDArray[np.float32]:
+        headings = np.zeros(len(self._body_pos_m), np.float32)
+        for take, (start, stop) in enumerate(self._take_rows):
+            raw = heading_rad(self._body_pos_m[start:stop].astype(np.float64)) - self.fronts_rad[take]
+            unwrapped = np.unwrap(raw)
+            headings[start:stop] = unwrapped - 2 * np.pi * np.round(unwrapped.mean() / (2 * np.pi))
+        return headings
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -124,6 +124,16 @@ def heading_rad(body_pos_m: Floats) -> Floats:
     return heading
 
 
+def front_rad(headings_rad: Floats) -> float:
+    """The direction that a dancer with these headings (T,) faces most: their circular median.
+
+    It is the one of 72 directions to which the mean distance of the headings is least.
+    """
+    directions = np.arange(72) * (2 * np.pi / 72)
+    away = np.abs((headings_rad[::4, None] - directions + np.pi) % (2 * np.pi) - np.pi)
+    return float((directions[int(np.argmin(away.mean(axis=0)))] + np.pi) % (2 * np.pi) - np.pi)
+
+
 def ground_pos_m(body_pos_m: Floats) -> Floats:
     """Pelvis position projected on the ground, (..., 3) with Y = 0, of body positions (..., 21, 3)."""
     ground_m: Floats = body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])

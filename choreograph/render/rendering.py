@@ -53,8 +53,8 @@ def assemble(
     """The dance before foot locking, and the times of its transitions in seconds.
 
     Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
-    stood at the transition (the paper does not say how nodes are joined), and steered a little to keep the
-    dance on the stage (`keep_on_stage`, ours).
+    stood at the transition (the paper does not say how nodes are joined), and steered a little to face the
+    audience and to keep the dance on the stage (`keep_on_stage`, ours).
     `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
     decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
 
@@ -260,6 +260,12 @@ def runs_of_seconds(plan: Plan) -> list[Run]:
 
 
 def take_motions(repertoire: Repertoire) -> MotionReader:
-    """Reads parts of the repertoire's takes by name."""
+    """Reads parts of the repertoire's takes by name, turned so that each take's front is the audience's."""
     indices = {take.name: index for index, take in enumerate(repertoire.takes)}
-    return lambda take, start_s, stop_s: repertoire.motion(indices[take], start_s, stop_s)
+    fronts_rad = repertoire.clip_motion.fronts_rad
+
+    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
+        motion, first_s = repertoire.motion(indices[take], start_s, stop_s)
+        return motion.moved(yaw_rad=-float(fronts_rad[indices[take]])), first_s
+
+    return read

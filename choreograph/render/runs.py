@@ -244,7 +244,11 @@ def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple
 def align_to(
     previous: SampledRun, sampled: SampledRun, fps: float, *, keep_on_stage: bool = True
 ) -> SampledRun:
-    """`sampled`, moved to place and heading of `previous` at its start, and steered towards the stage."""
+    """`sampled`, moved to place and heading of `previous` at its start, and steered a little.
+
+    It is steered back to the heading of its take, whose front faces the audience at 0, and towards the
+    middle of the stage.
+    """
     yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
     if not keep_on_stage:
         return sampled.moved(yaw_rad, shift_m)
@@ -252,7 +256,9 @@ def align_to(
     end = sampled.body_at(sampled.stop - 1)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
     share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs have many transitions
-    yaw_rad += share * steer_rad(ground_pos_m(before), travel_m)
+    back_rad = -((yaw_rad + np.pi) % (2 * np.pi) - np.pi)
+    home_rad = steer_rad(ground_pos_m(before), travel_m)
+    yaw_rad += share * float(np.clip(back_rad + 0.5 * home_rad, -MAX_STEER_RAD, MAX_STEER_RAD))
     return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
 
 

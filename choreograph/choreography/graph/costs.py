@@ -83,6 +83,8 @@ class Cost:
     name : name in plans, weights and errors. The default is the class name in lower case
     min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
         edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
+    of_path : whether its values depend on the path to a node, by `Layer.motif_counts` or
+        `Layer.take_usage_s`
 
     References
     ----------
@@ -103,6 +105,7 @@ class Cost:
 
     name: str = ""
     min_jump_cost: float = -math.inf
+    of_path: bool = False
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
@@ -289,6 +292,25 @@ class Steps(Cost):
         return steps_mismatch(float(song_features.onset_density[layer.second]), layer.steps)
 
 
+class Front(Cost):
+    """How far the dancer is turned from the audience, 0 … 1, and how far a transition turns the takes (ours).
+
+    A take that is entered at another heading than its own would turn everything after it.
+    """
+
+    min_jump_cost = 0.0
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
+        return layer.turned_away
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
+        ours, theirs = previous.heading_rad[:, 1], next.heading_rad[:, 0]
+        cosine = np.outer(np.cos(ours), np.cos(theirs)) + np.outer(np.sin(ours), np.sin(theirs))
+        cost: AnyFloats = np.maximum(4.0 * (1.0 - cosine), 0.0).astype(np.float32)
+        cost[previous.successors_in(next)] = 0.0
+        return cost
+
+
 class Pace(Cost):
     """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
@@ -303,13 +325,32 @@ class Pace(Cost):
 
 
 class Variety(Cost):
-    """Recent use of the node's take by the dance so far, in seconds, divided by 12 (ours).
+    """Recent use of the node's take along the path to it, in seconds, divided by 12 (ours).
 
     Without it, the cheapest path tends to stay in one long take.
     """
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        return layer.recent_usage_s / _USAGE_SCALE_S
+    of_path = True
+
+    min_jump_cost = 0.0
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
+        if layer.second > 0 or layer.take_usage_s.shape[1] == 0:
+            return None
+        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.take] / _USAGE_SCALE_S
+        return usage
+
+    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
+        if previous.take_usage_s.shape[1] == 0:
+            return None
+        usage: AnyFloats = previous.take_usage_s[:, next.take] * np.float32(1.0 / _USAGE_SCALE_S)
+        return usage
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
+        if previous.take_usage_s.shape[1] == 0:
+            return 0.0
+        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.take] / _USAGE_SCALE_S
+        return least
 
 
 class Repeat(Cost):
@@ -344,6 +385,7 @@ BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Phrasing,
     Energy,
     Steps,
+    Front,
     Pace,
     Variety,
     Repeat,

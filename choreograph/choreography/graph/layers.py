@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,7 @@ from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
 _ALL = slice(None)
-_USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
-USAGE_MEMORY_S = 16 * 120  # earlier usage has a weight below 2e-7
+USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
 
 
 class PoseBank(Protocol):
@@ -29,6 +28,10 @@ class PoseBank(Protocol):
 
     def liveliness(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` in one second."""
+        ...
+
+    def headings_rad(self, clip: AnyInts, frames: AnyFloats) -> AnyFloats:
+        """Headings (N, F) of clips (N,) at fractional frames (N, F), from the front of their takes."""
         ...
 
     def count_uncertainty(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
@@ -68,7 +71,7 @@ class Layer:
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: AnyFloats  # (N, 32) of the clip
-    recent_usage_s: AnyFloats  # (N,) recent use of the node's take by the cheapest path so far, decayed
+    take_usage_s: AnyFloats  # (N, takes) recent use of each take along the cheapest path to the node, decayed
     take_frames: AnyFloats  # (N, 2) take frames (20 fps) at the second's two borders
     density_mismatch: AnyFloats  # (N,) mean squared difference of tempo-densities in this second
     unmatched_beat: AnyFloats  # (N,) share of this second's music and motion beats without a partner
@@ -79,6 +82,8 @@ class Layer:
     off_bar: AnyFloats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: AnyFloats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: AnyFloats  # (N,) of leaving it at the second's end
+    heading_rad: AnyFloats  # (N, 2) at the second's borders, from the front of its take
+    turned_away: AnyFloats  # (N,) mean of (1 - cos heading) / 2: 0 faces the audience, 1 turns the back to it
     liveliness: AnyFloats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
     steps: AnyFloats  # (N,) rank of the clip's steps in its genre, 0 … 1
     source_frames: AnyFloats  # (N, 21) clip frames at the 20 output frames and the second's end
@@ -129,17 +134,20 @@ class Layer:
         np.add.at(counts, (node, self.motifs[node, slot]), 1)
         return replace(self, motif_counts=counts)
 
-    def with_recent_usage(self, recent_usage_s: AnyFloats) -> Layer:
-        """The layer with the recent usage of its nodes' takes.
+    def with_take_usage(self, usage_before_s: AnyFloats) -> Layer:
+        """The layer with `usage_before_s` (N, takes) of the path to each node, plus the node's own second.
 
-        `recent_usage_s` (takes,) is the usage of every take in seconds. Raises `ParameterError` unless it is
-        a float array with a value for every take of the layer.
+        Raises `ParameterError` for anything but such numbers.
         """
-        check_kind("recent usage", recent_usage_s, np.ndarray)
-        n_takes = int(self.take.max(initial=-1)) + 1
-        if recent_usage_s.dtype.kind != "f" or recent_usage_s.ndim != 1 or len(recent_usage_s) < n_takes:
-            raise unexpected(f"recent usage in seconds of {n_takes} takes or more (takes,)", recent_usage_s)
-        return replace(self, recent_usage_s=recent_usage_s[self.take])
+        check_kind("usage of takes", usage_before_s, np.ndarray)
+        shape = self.take_usage_s.shape
+        if usage_before_s.shape != shape or usage_before_s.dtype.kind != "f":
+            raise unexpected(f"usage of takes {shape} in seconds", usage_before_s)
+        if usage_before_s.shape[1] == 0:
+            return self
+        usage_s = usage_before_s * np.float32(np.exp(-1.0 / USAGE_DECAY_S))
+        usage_s[np.arange(self.n_nodes), self.take] += 1.0
+        return replace(self, take_usage_s=usage_s)
 
     def successors_in(self, following: Layer) -> tuple[AnyInts, AnyInts]:
         """The pairs of nodes that are consecutive in one warped segment or time map.
@@ -160,6 +168,12 @@ class Layer:
 
 
 _ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal"))
+
+
+def joined_layers(parts: Sequence[Layer]) -> Layer:
+    """The nodes of several layers of one second, in order."""
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+    return replace(parts[0], **arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +215,8 @@ class LayerSource:
         self._segments = segments
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
-        self._tie_break_s = tie_break_s
+        usage_s = np.zeros(0) if tie_break_s is None else tie_break_s
+        self._usage_at_start_s = usage_s.astype(np.float32)  # (takes,), or (0,)
         self._clips = clips
         self._poses = poses
         self._goal_starts = frozenset(goal_starts)
@@ -214,21 +229,11 @@ class LayerSource:
         """Number of layers S."""
         return len(self._segments.clip)
 
-    def recent_usage_after(self, takes: Sequence[int]) -> NDArray[np.float32]:
-        """Recent usage (takes,) in seconds after `takes` have been danced, one per second."""
-        n_takes = len(self._clips.take_names)
-        if self._tie_break_s is None:
-            return np.zeros(n_takes, np.float32)
-        decay = np.exp(-np.arange(len(takes))[::-1] / _USAGE_DECAY_S)
-        usage_s = np.bincount(np.asarray(takes, np.int64), decay, n_takes)
-        return (self._tie_break_s + usage_s).astype(np.float32)
-
     def layer(self, second: int) -> Layer:
         """All nodes active in `second`."""
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
         parts = [self._quarter(start, second - start) for start in reversed(inserted)]
-        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
-        layer = Layer(second=second, new_goal=parts[0].new_goal, **arrays)
+        layer = joined_layers(parts)
         return layer.subset(_one_per_time_map(layer.time_map_id)) if (layer.time_map_id >= 0).any() else layer
 
     def node(self, key: int) -> Layer:
@@ -272,6 +277,7 @@ class LayerSource:
         pose, velocity = self._borders(start) if part == _ALL else self._make_borders(start, part)
         window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
         source_frames = segments.time_maps[start, part, window]  # (K, 21)
+        headings = self._poses.headings_rad(clip, source_frames)  # (K, 21)
         return Layer(
             second=start + offset,
             segment=start * k + np.arange(k)[part],
@@ -281,7 +287,7 @@ class LayerSource:
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
-            recent_usage_s=np.zeros(len(clip), np.float32),
+            take_usage_s=np.tile(self._usage_at_start_s, (len(clip), 1)),
             take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
             density_mismatch=segments.density_mismatch[start, part, offset],
             unmatched_beat=segments.unmatched_beat[start, part, offset],
@@ -292,6 +298,8 @@ class LayerSource:
             off_bar=segments.off_bar[start, part, offset],
             enter_penalty=segments.phrase_penalty[start, part, offset],
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],
+            heading_rad=headings[:, ::NODE_FRAMES],
+            turned_away=(0.5 - 0.5 * np.cos(headings)).mean(axis=1),
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             steps=clips.steps[clip],
             source_frames=source_frames,

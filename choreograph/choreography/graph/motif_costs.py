@@ -103,6 +103,8 @@ class Signature(Cost):
     compared with the whole part. The paper has one goal for the whole song.
     """
 
+    of_path = True
+
     def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
         self._part = _part_at(goals, song_features)
         stops = [*(second for second, _ in goals[1:]), song_features.n_seconds]
@@ -114,7 +116,7 @@ class Signature(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        counted: AnyFloats = self._costs(np.zeros((1, len(self._step_cost[0])), np.int16), layer)[0]
+        counted: AnyFloats = self._costs(layer.motif_counts[:1], layer)[0]
         return counted
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
-from choreograph.choreography.graph.layers import USAGE_MEMORY_S, Layer, LayerSource
+from choreograph.choreography.graph.layers import Layer, LayerSource
+from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including, with_history
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
     WeightedCost,
@@ -22,7 +23,7 @@ from choreograph.choreography.graph.motif_costs import (
 )
 from choreograph.core.errors import NoPathError
 from choreograph.core.kernel_cache import njit
-from choreograph.core.numerics import AnyFloats, AnyInts
+from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
@@ -60,31 +61,23 @@ def plan_exact(
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
 
-    The paper plans greedily (section 3.3). With two kinds of cost, which depend on the path so far, the
-    result is not always the cheapest path. `Signature` is evaluated along the cheapest path found to each
-    node, as in a beam search with the width of a layer. Recent usage of takes is that of the cheapest path so
-    far, and is fixed for each second. Without recent usage, the path never costs more than that of
-    `plan_greedy` on the same layers.
+    The paper plans greedily (section 3.3). With costs that depend on the path (`Cost.of_path`), the result is
+    not always the cheapest path. They are evaluated along the cheapest path found to each node, as in a beam
+    search with the width of a layer, and `local_search` then improves the path. It never costs more than that
+    of `plan_greedy` on the same layers.
 
     Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
     wrong shape, or an edge below its own lower bound.
     """
-    usage_s = [source.recent_usage_after([])]
-    layer, reached = allowed_nodes(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features)
-    greedy = _GreedyPath(layer, reached) if layer.motif_counts.size else None
-    layer = layer.with_motif_counts(layer.motif_counts)
+    layer, reached = allowed_nodes(source.layer(0), costs, song_features)
+    greedy: _GreedyPath | None = _GreedyPath(layer, reached)
+    cheap_nodes = [cheapest(layer, reached, reached)]
+    layer = with_history(layer, layer)
     node_keys = [_node_keys(layer)]
-    takes = [layer.take.astype(np.int32)]
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(_THREADS) as pool:
         for second in range(1, source.n_seconds):
-            recent = _backtrack(
-                parents[-USAGE_MEMORY_S:], takes[-USAGE_MEMORY_S - 1 :], int(np.argmin(reached))
-            )
-            usage_s.append(source.recent_usage_after(recent))
-            following, node_cost = allowed_nodes(
-                source.layer(second).with_recent_usage(usage_s[-1]), costs, song_features
-            )
+            following, node_cost = allowed_nodes(source.layer(second), costs, song_features)
             best, parent = _viterbi_step(layer, following, reached, costs, song_features, pool)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
@@ -92,16 +85,35 @@ def plan_exact(
                 greedy = None
             # Nodes that cannot be reached keep their place, with infinite cost, so that indices agree.
             reached = best + node_cost
-            layer = following.with_motif_counts(layer.motif_counts[parent])
+            cheap_nodes.append(cheapest(following, node_cost, reached))
+            layer = with_history(following, layer, parent)
             node_keys.append(_node_keys(layer))
-            takes.append(layer.take.astype(np.int32))
             parents.append(parent.astype(np.int32))
             if report is not None:
                 report(second + 1, source.n_seconds)
     keys = _backtrack(parents, node_keys, int(np.argmin(reached)))
     if greedy is not None and greedy.total < reached.min():
         keys = greedy.keys
-    return _path_with_costs(source, keys, usage_s, costs, song_features)
+    if any(weighted.weight and weighted.cost.of_path for weighted in costs):
+        keys = _improved(keys, cheap_nodes, source, costs, song_features)
+    return _path_with_costs(source, keys, costs, song_features)
+
+
+def _improved(
+    keys: Sequence[int],
+    cheap_nodes: Sequence[tuple[Layer, NDArray[np.float64]]],
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+) -> list[int]:
+    """The keys of the path with these `keys`, or of a cheaper one through cheap nodes of every second."""
+    searched, path = [], []
+    for key, nodes in zip(keys, cheap_nodes, strict=True):
+        with_node, index = including(nodes, allowed_nodes(source.node(key), costs, song_features))
+        searched.append(with_node)
+        path.append(index)
+    found = CheapNodes.of(searched, costs, song_features).improved(np.array(path))
+    return [int(_node_keys(layer)[node]) for (layer, _), node in zip(searched, found, strict=True)]
 
 
 def plan_greedy(
@@ -115,16 +127,14 @@ def plan_greedy(
 
     Raises as `plan_exact`. It can also run into a dead end that `plan_exact` avoids.
     """
-    usage_s = [source.recent_usage_after([])]
-    path = _GreedyPath(*allowed_nodes(source.layer(0).with_recent_usage(usage_s[0]), costs, song_features))
+    path = _GreedyPath(*allowed_nodes(source.layer(0), costs, song_features))
     for second in range(1, source.n_seconds):
-        usage_s.append(source.recent_usage_after(path.takes))
-        layer = source.layer(second).with_recent_usage(usage_s[-1])
+        layer = source.layer(second)
         if not path.extend(*allowed_nodes(layer, costs, song_features), costs, song_features):
             raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _path_with_costs(source, path.keys, usage_s, costs, song_features)
+    return _path_with_costs(source, path.keys, costs, song_features)
 
 
 class _GreedyPath:
@@ -133,8 +143,8 @@ class _GreedyPath:
     def __init__(self, layer: Layer, node_cost: NDArray[np.float64]) -> None:
         self.total = float(node_cost.min())
         self.keys: list[int] = []
-        self.takes: list[int] = []
-        self._append(layer, int(np.argmin(node_cost)), layer.motif_counts[:1])
+        first = int(np.argmin(node_cost))
+        self._append(layer, first, layer.subset(np.array([first])))
 
     def extend(
         self,
@@ -149,13 +159,12 @@ class _GreedyPath:
         if not np.isfinite(total[best]):
             return False
         self.total += float(total[best])
-        self._append(layer, best, self._last.motif_counts)
+        self._append(layer, best, self._last)
         return True
 
-    def _append(self, layer: Layer, node: int, counts_before: AnyInts) -> None:
-        self._last = layer.subset(np.array([node])).with_motif_counts(counts_before)
+    def _append(self, layer: Layer, node: int, before: Layer) -> None:
+        self._last = with_history(layer.subset(np.array([node])), before)
         self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
-        self.takes.append(int(self._last.take[0]))
 
 
 def _node_keys(layer: Layer) -> NDArray[np.int32]:
@@ -270,18 +279,17 @@ def _continue_segments(
 def _path_with_costs(
     source: LayerSource,
     keys: list[int],
-    usage_s: Sequence[AnyFloats],
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
 ) -> Path:
     """The path through the nodes with keys segment × 4 + offset, with every cost term of each."""
     nodes: list[Layer] = []
     terms_of: list[dict[str, float]] = []
-    for key, recent_usage_s in zip(keys, usage_s, strict=True):
-        node = source.node(key).with_recent_usage(recent_usage_s)
+    for key in keys:
+        node = source.node(key)
         last = nodes[-1] if nodes else None
         terms_of.append(_terms_of(last, node, costs, song_features))
-        nodes.append(node.with_motif_counts(node.motif_counts if last is None else last.motif_counts))
+        nodes.append(with_history(node, node if last is None else last))
     return Path(tuple(nodes), tuple(terms_of))
 
 

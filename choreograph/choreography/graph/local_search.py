@@ -1,0 +1,191 @@
+"""Iterated local search for a cheaper path, among the cheapest nodes of every second."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, joined_layers
+from choreograph.choreography.graph.motif_costs import WeightedCost, edge_costs, weighted_terms
+from choreograph.core.numerics import AnyInts
+from choreograph.music.song_features import SongFeatures
+
+N_CHEAP = 128  # nodes of each second that are searched
+_N_STARTS = 6  # random changes of the best path, from each of which the search starts again
+_NOISE = 0.3  # standard deviation of a random change of a cost, as a share of it
+_LEAST_GAIN = 1e-3  # a pass that gains less is the last
+
+
+def with_history(layer: Layer, before: Layer, parent: AnyInts | slice = slice(None)) -> Layer:
+    """The layer with the motifs and the usage of takes along the path to each node by its parent."""
+    with_counts = layer.with_motif_counts(before.motif_counts[parent])
+    return with_counts.with_take_usage(before.take_usage_s[parent])
+
+
+@dataclass(frozen=True, eq=False)
+class CheapNodes:
+    """The cheapest nodes of every second, and their costs.
+
+    Costs that depend on the path (`Cost.of_path`) are evaluated along paths. All others are evaluated once.
+    """
+
+    layers: tuple[Layer, ...]  # S, of N nodes each, before anything is danced
+    node_cost: tuple[NDArray[np.float64], ...]  # S arrays (N,)
+    edge_cost: tuple[NDArray[np.float32], ...]  # S - 1 arrays (P, N), of costs that do not depend on the path
+    of_path: tuple[WeightedCost, ...]  # costs that do
+    song_features: SongFeatures
+
+    @classmethod
+    def of(
+        cls,
+        nodes: Sequence[tuple[Layer, NDArray[np.float64]]],
+        costs: Sequence[WeightedCost],
+        song_features: SongFeatures,
+    ) -> CheapNodes:
+        """From the nodes of every second and their costs (N,)."""
+        of_path = tuple(weighted for weighted in costs if weighted.weight and weighted.cost.of_path)
+        fixed = [weighted for weighted in costs if not weighted.cost.of_path]
+        layers = tuple(layer for layer, _ in nodes)
+        node_cost = [cost for _, cost in nodes]
+        # What the first node costs on its path is evaluated with the path.
+        node_cost[0] = node_cost[0] - _first_cost(layers[0], of_path, song_features)
+        edge_cost = tuple(
+            edge_costs(here, there, fixed, song_features)
+            for here, there in pairwise(layers)
+        )
+        return cls(layers, tuple(node_cost), edge_cost, of_path, song_features)
+
+    def improved(self, path: AnyInts) -> NDArray[np.int64]:
+        """The index (S,) of the node in each second of the cheapest path found: `path` or a cheaper one."""
+        rng = np.random.default_rng(0)
+        best, least = self._descent(np.asarray(path, np.int64))
+        for _ in range(_N_STARTS if self.of_path else 0):
+            found, cost = self._descent(self._pass(best, rng))
+            if cost < least:
+                best, least = found, cost
+        return best
+
+    def cost(self, path: AnyInts) -> float:
+        """The cost of a path (S,)."""
+        last = self.layers[0].subset(path[:1])
+        total = float(self.node_cost[0][path[0]] + _first_cost(last, self.of_path, self.song_features)[0])
+        last = with_history(last, last)
+        for second in range(1, len(path)):
+            node = self.layers[second].subset(path[second : second + 1])
+            total += float(self.node_cost[second][path[second]])
+            total += float(self.edge_cost[second - 1][path[second - 1], path[second]])
+            total += float(edge_costs(last, node, self.of_path, self.song_features)[0, 0])
+            last = with_history(node, last)
+        return total
+
+    def _descent(self, path: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
+        """Passes that start with `path`, until one gains nothing: the best path, and its cost."""
+        cost = self.cost(path)
+        while self.of_path:
+            found = self._pass(path)
+            found_cost = self.cost(found)
+            if found_cost > cost - _LEAST_GAIN:
+                break
+            path, cost = found, found_cost
+        return path, cost
+
+    def _pass(self, path: NDArray[np.int64], rng: np.random.Generator | None = None) -> NDArray[np.int64]:
+        """The cheapest path by dynamic programming, if every beginning is continued by the rest of `path`.
+
+        With `rng`, costs are changed at random. A beginning of which second t is another node than that of
+        `path` costs the difference, given what `path` dances after t.
+        """
+        rest = _Rest.of([layer.subset(np.array([node])) for layer, node in zip(self.layers, path, strict=True)])
+        seen = rest.added_to(self.layers[0], 0)
+        reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
+        before = with_history(self.layers[0], self.layers[0])
+        parents = []
+        for second in range(1, len(path)):
+            layer = self.layers[second]
+            seen = rest.added_to(before, second, new_goal=layer.new_goal)
+            layer_in_goal = replace(layer, new_goal=False)
+            own = layer_in_goal.subset(path[second : second + 1])
+            reached = reached - edge_costs(seen, own, self.of_path, self.song_features)[:, 0]
+            total = _changed(self.edge_cost[second - 1], rng) + reached[:, None]
+            total = total + edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
+            parent = np.argmin(total, axis=0)
+            reached = total[parent, np.arange(layer.n_nodes)] + _changed(self.node_cost[second], rng)
+            before = with_history(layer, before, parent)
+            parents.append(parent)
+        found = [int(np.argmin(reached))]
+        for parent in reversed(parents):
+            found.append(int(parent[found[-1]]))
+        return np.array(found[::-1])
+
+
+def cheapest(
+    layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]
+) -> tuple[Layer, NDArray[np.float64]]:
+    """The `N_CHEAP` nodes of a layer that are reached (N,) at the least cost, and their node costs."""
+    nodes = np.sort(np.argsort(reached, kind="stable")[:N_CHEAP])
+    nodes = nodes[np.isfinite(reached[nodes])]
+    return layer.subset(nodes), node_cost[nodes]
+
+
+def including(
+    nodes: tuple[Layer, NDArray[np.float64]], node: tuple[Layer, NDArray[np.float64]]
+) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
+    """The nodes of a second with one node more, unless they contain it, and its index."""
+    (layer, cost), (one, its_cost) = nodes, node
+    found = np.flatnonzero((layer.segment == one.segment[0]) & (layer.offset == one.offset[0]))
+    if len(found) == 0:
+        return (joined_layers([layer, one]), np.append(cost, its_cost)), len(cost)
+    return nodes, int(found[0])
+
+
+def _first_cost(
+    layer: Layer, of_path: Sequence[WeightedCost], song_features: SongFeatures
+) -> NDArray[np.float64]:
+    """What costs of the path charge the nodes of the first layer, (N,)."""
+    total = np.zeros(layer.n_nodes)
+    for _, cost in weighted_terms(of_path, lambda c: c.node(layer, song_features), total.shape):
+        total += cost
+    return total
+
+
+def _changed(cost: NDArray[np.floating], rng: np.random.Generator | None) -> NDArray[np.floating]:
+    """Costs with a random change in proportion to each."""
+    if rng is None:
+        return cost
+    return cost * (1.0 + _NOISE * rng.standard_normal(cost.shape, np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What a path dances after each second."""
+
+    motif_counts: NDArray[np.int16]  # (S, M) in the rest of the second's goal
+    take_usage_s: NDArray[np.float32]  # (S, takes) the later a take is used, the less
+
+    @classmethod
+    def of(cls, nodes: Sequence[Layer]) -> _Rest:
+        """Of a path, as layers of one node."""
+        counts = np.zeros((len(nodes), nodes[0].motif_counts.shape[1]), np.int16)
+        usage_s = np.zeros((len(nodes), nodes[0].take_usage_s.shape[1]), np.float32)
+        for second in range(len(nodes) - 2, -1, -1):
+            node = nodes[second + 1]
+            if counts.shape[1] and not node.new_goal:
+                counts[second] = counts[second + 1]
+                np.add.at(counts[second], node.motifs[0][node.motifs[0] >= 0], 1)
+            if usage_s.shape[1]:
+                usage_s[second] = usage_s[second + 1] * np.float32(np.exp(-1.0 / USAGE_DECAY_S))
+                usage_s[second, node.take[0]] += 1.0
+        return cls(counts, usage_s)
+
+    def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
+        """The layer before `second` as if what follows that second had been danced as well."""
+        counts = np.zeros_like(layer.motif_counts) if new_goal else layer.motif_counts
+        return replace(
+            layer,
+            motif_counts=counts + self.motif_counts[second],
+            take_usage_s=layer.take_usage_s + self.take_usage_s[second],
+        )
