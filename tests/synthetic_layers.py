@@ -34,6 +34,9 @@ class RandomPoses:
     def liveliness(self, clip, start, stop):
         return self.of_clip[clip]
 
+    def headings_rad(self, clip, frames):
+        return (6.0 * self.of_clip[clip][:, None] + 0.02 * frames).astype(np.float32)
+
     def count_uncertainty(self, clip, start, stop):
         return 0.5 * self.of_clip[clip]
 

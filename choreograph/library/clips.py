@@ -281,7 +281,12 @@ class ClipMotion:
     @cached_property
     def fronts_rad(self) -> NDArray[np.float64]:
         """The direction that each take (takes,) faces most: its front."""
-        return np.array([front_rad(heading_rad(self.body_pos_m(t).astype(np.float64))) for t in range(len(self._take_rows))])
+        return np.array(
+            [
+                front_rad(heading_rad(self.body_pos_m(t).astype(np.float64)))
+                for t in range(len(self._take_rows))
+            ]
+        )
 
     @cached_property
     def _headings_rad(self) -> NDArray[np.float32]:

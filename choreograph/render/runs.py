@@ -23,17 +23,20 @@ STAGE_RADIUS_M = 2.0  # steering grows from none at half this distance to its ma
 MAX_STEER_RAD = 0.25  # per transition or word, 14°, which moves the feet by about 3 cm
 
 
-def steer_rad(pos_m: Floats, travel_m: Floats) -> float:
+def steer_rad(pos_m: Floats, travel_m: Floats, turned_rad: float = 0.0) -> float:
     """Extra rotation that bends the path ahead (3,) from a position (3,) towards the middle of the stage.
 
-    Without it, takes that all lead forward would leave the stage. The transition smooths the rotation.
+    Without it, takes that all lead forward would leave the stage. In the middle of the stage, a dancer who is
+    turned by `turned_rad` from where its take faces the audience is rotated back. The transition smooths the
+    rotation.
     """
-    if np.linalg.norm(travel_m) < 0.1:
-        return 0.0
+    back = (np.pi - turned_rad) % (2 * np.pi) - np.pi
     home, ahead = np.arctan2(-pos_m[0], -pos_m[2]), np.arctan2(travel_m[0], travel_m[2])
     off = (home - ahead + np.pi) % (2 * np.pi) - np.pi
     need = np.clip(2.0 * float(np.linalg.norm(pos_m)) / STAGE_RADIUS_M - 1.0, 0.0, 1.0)
-    return float(np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD) * need)
+    need = need if np.linalg.norm(travel_m) >= 0.1 else 0.0
+    steered = [np.clip(rad, -MAX_STEER_RAD, MAX_STEER_RAD) for rad in (off, back)]
+    return float(need * steered[0] + (1.0 - need) * steered[1])
 
 
 # Runs: parts of takes with their time in the dance, without a transition inside.
@@ -256,9 +259,7 @@ def align_to(
     end = sampled.body_at(sampled.stop - 1)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
     share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs have many transitions
-    back_rad = -((yaw_rad + np.pi) % (2 * np.pi) - np.pi)
-    home_rad = steer_rad(ground_pos_m(before), travel_m)
-    yaw_rad += share * float(np.clip(back_rad + 0.5 * home_rad, -MAX_STEER_RAD, MAX_STEER_RAD))
+    yaw_rad += share * steer_rad(ground_pos_m(before), travel_m, yaw_rad)
     return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
 
 

@@ -16,6 +16,7 @@ from choreograph.choreography.graph.costs import (
     Completeness,
     Cost,
     Energy,
+    Front,
     Pace,
     Phrasing,
     Repeat,
@@ -180,22 +181,33 @@ def test_pace_is_the_change_of_speed_in_octaves(layers):
     assert Pace().node(replace(layer, source_frames=np.tile(hurried, (4, 1))), None) == pytest.approx(1.0)
 
 
-def test_variety_is_the_recent_usage_of_takes():
-    source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0]))
-    recent_usage_s = source.recent_usage_after([0] * 12)
-    assert 11 < recent_usage_s[0] < 12  # decayed a little
-    assert recent_usage_s[1] == 3
-    layer = source.layer(3).with_recent_usage(recent_usage_s)
-    assert np.allclose(
-        Variety().node(layer, song_features), np.where(layer.take == 1, 3, recent_usage_s[0]) / 12
-    )
+def _danced(source, takes, second=3):
+    """A layer of a source as if each node had been reached over `takes`, one a second."""
+    layer = source.layer(second)
+    for take in takes:
+        danced = replace(layer, take=np.full(layer.n_nodes, take)).with_take_usage(layer.take_usage_s)
+        layer = replace(layer, take_usage_s=danced.take_usage_s)
+    return layer
+
+
+def test_variety_is_the_usage_of_takes_along_the_path():
+    source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0], np.float32))
+    here, there = _danced(source, [0] * 12), source.layer(4)
+    used_s = here.take_usage_s
+    assert ((used_s[:, 0] > 11) & (used_s[:, 0] < 12)).all()  # decayed a little
+    assert (used_s[:, 1] < 3).all()
+    edges = Variety().edge(here, there, song_features)
+    assert np.allclose(edges, used_s[:, there.take] / 12)
+    assert (edges >= Variety().min_edge_costs(here, there, song_features) - 1e-6).all()
+    assert Variety().node(there, song_features) is None
+    first = source.layer(0)
+    assert np.allclose(Variety().node(first, song_features), np.where(first.take == 1, 3, 0) / 12)
 
 
 def test_usage_decays():
-    source, _ = random_source(0, tie_break_s=np.zeros(2))
+    source, _ = random_source(0, tie_break_s=np.zeros(2, np.float32))
     lately, long_ago = (
-        source.recent_usage_after([1] * 600 + [0] * 20),
-        source.recent_usage_after([0] * 20 + [1] * 600),
+        _danced(source, takes).take_usage_s[0] for takes in ([1] * 600 + [0] * 20, [0] * 20 + [1] * 600)
     )
     assert lately[0] > 15
     assert long_ago[0] < 1
@@ -204,8 +216,32 @@ def test_usage_decays():
 
 def test_usage_is_not_counted_without_tie_breaks():
     source, song_features = random_source(0)
-    assert not source.recent_usage_after([0, 1, 1]).any()
-    assert not Variety().node(source.layer(3), song_features).any()
+    here = _danced(source, [0, 1, 1])
+    assert here.take_usage_s.shape == (here.n_nodes, 0)
+    assert Variety().node(source.layer(0), song_features) is None
+    assert Variety().edge(here, source.layer(4), song_features) is None
+
+
+def test_the_front_costs_what_is_turned_away_and_what_a_transition_turns(layers):
+    a, b, song_features = layers
+    assert np.array_equal(Front().node(a, song_features), a.turned_away)
+    turned = np.cos(a.heading_rad[:, 1][:, None] - b.heading_rad[:, 0])
+    by_hand = 4.0 * (1.0 - turned)
+    by_hand[a.successors_in(b)] = 0.0
+    assert np.allclose(Front().edge(a, b, song_features), by_hand, atol=1e-5)
+    back = replace(a, heading_rad=np.full_like(a.heading_rad, np.pi))
+    front = replace(b, heading_rad=np.zeros_like(b.heading_rad))
+    assert Front().edge(back, front, song_features).max() == pytest.approx(8.0)
+
+
+def test_turned_away_is_0_at_the_front_and_1_at_the_back(monkeypatch):
+    for heading_rad, expected in ((0.0, 0.0), (np.pi, 1.0), (-np.pi / 2, 0.5), (2 * np.pi, 0.0)):
+        source, _ = random_source(0)
+        headings = np.full((1, 1), heading_rad)
+        monkeypatch.setattr(
+            type(source._poses), "headings_rad", lambda _, clip, frames, h=headings: h + 0.0 * frames
+        )
+        assert source.layer(2).turned_away == pytest.approx(expected, abs=1e-6)
 
 
 def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):

@@ -190,21 +190,10 @@ def test_takes_alternate_when_recent_usage_counts(planner):
         takes = [int(node.take[0]) for node in path.nodes]
         assert sum(takes) >= others_s
         assert not sum(takes) or others_s
-        for second, (node, terms) in enumerate(zip(path.nodes, path.costs, strict=True)):
-            assert terms["variety"] == pytest.approx(
-                source.recent_usage_after(takes[:second])[node.take[0]] / 12, abs=0.2
-            )
-
-
-def test_recent_usage_looks_back_no_further_in_a_longer_song(monkeypatch):
-    source, song_features = random_source(5, n_seconds=12, tie_break_s=np.zeros(2))
-    looked_at, usage_after = [], source.recent_usage_after
-    monkeypatch.setattr("choreograph.choreography.graph.planners.USAGE_MEMORY_S", 4)
-    monkeypatch.setattr(
-        source, "recent_usage_after", lambda takes: looked_at.append(len(takes)) or usage_after(takes)
-    )
-    plan_exact(source, [WeightedCost(Variety(), 1.0)], song_features)
-    assert looked_at == [0, 1, 2, 3, 4, *[5] * 7]
+        for second, (take, terms) in enumerate(zip(takes, path.costs, strict=True)):
+            ages_s = np.array([second - 1 - s for s in range(second) if takes[s] == take])
+            used_s = np.exp(-ages_s / 120).sum() if others_s else 0.0
+            assert terms["variety"] == pytest.approx(used_s / 12, abs=1e-4)
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy, plan_motion_graph])

@@ -11,6 +11,7 @@ import pytest
 from synthetic_motions import stepping, swaying
 
 from choreograph.core.errors import ParameterError
+from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
 from choreograph.render.rendering import assemble
@@ -37,9 +38,11 @@ def seconds(*starts: float, speed: float = 1.0):
     return [tuple(start + speed * np.arange(21) / 20) for start in starts]
 
 
-def assembled(takes, times, *, fps=60.0, duration_s=None, blending="inertial"):
-    runs = to_runs(takes, times)
-    return assemble(runs, read_motion, fps=fps, duration_s=duration_s or float(len(takes)), blending=blending)
+def assembled(takes, times, *, fps=60.0, duration_s=None, **settings):
+    settings = {"blending": "inertial"} | settings
+    return assemble(
+        to_runs(takes, times), read_motion, fps=fps, duration_s=duration_s or len(takes), **settings
+    )
 
 
 def test_seconds_that_follow_one_another_are_one_run():
@@ -78,7 +81,12 @@ def test_length(fps, duration_s):
 @pytest.mark.parametrize("blending", get_args(Blending))
 @pytest.mark.parametrize("second_take", ["other", "slow", "step"])
 def test_a_run_is_aligned_with_the_one_before(blending, second_take):
-    made, _ = assembled(["sway", "sway", second_take, second_take], seconds(3, 4, 5, 6), blending=blending)
+    made, _ = assembled(
+        ["sway", "sway", second_take, second_take],
+        seconds(3, 4, 5, 6),
+        blending=blending,
+        keep_on_stage=False,
+    )
     body = body_pos_m(made)
     alone = body_pos_m(TAKES["sway"].sliced(180, 301))
     at = 120
@@ -166,6 +174,26 @@ def test_a_dance_that_walks_away_is_steered_home():
     made, _ = assemble(runs, lambda *_: (walker, 0.0), fps=60.0, duration_s=40.0, blending="inertial")
     away = np.linalg.norm((made.root_pos_m - made.root_pos_m[0])[:, [0, 2]], axis=1)
     assert away.max() < 12.0
+
+
+def test_a_take_that_begins_turned_away_is_steered_back_to_the_front():
+    # The take turns half around in its first five seconds. All runs after that begin at the front.
+    dancer = swaying(2400, fps=60.0)
+    turn = rot.about_y(np.pi * np.clip(np.arange(2400) / 300.0, 0.0, 1.0))
+    quat = dancer.local_quat.copy()
+    quat[:, 0] = rot.multiply(turn, quat[:, 0])
+    turning = Motion(dancer.skeleton, dancer.root_pos_m, rot.make_continuous(quat), 60.0)
+    takes = {"turns": turning, "faces the front": dancer}
+    runs = [Run("turns", 0.0, 6.0, np.arange(0.0, 6.001, 0.05))]
+    runs += [Run("faces the front", s, s + 1.0, np.arange(3.0, 4.001, 0.05)) for s in range(6, 40)]
+    made, _ = assemble(
+        runs, lambda take, *_: (takes[take], 0.0), fps=60.0, duration_s=40.0, blending="inertial"
+    )
+    away_rad = np.abs(
+        np.angle(np.exp(1j * (heading_rad(body_pos_m(made)) - heading_rad(body_pos_m(dancer)))))
+    )
+    assert away_rad[350] > 3.0
+    assert away_rad[30 * 60 :].max() < 0.7
 
 
 @pytest.mark.parametrize("blending", get_args(Blending))

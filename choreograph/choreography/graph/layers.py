@@ -172,7 +172,9 @@ _ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_g
 
 def joined_layers(parts: Sequence[Layer]) -> Layer:
     """The nodes of several layers of one second, in order."""
-    arrays: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS}
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
+    }
     return replace(parts[0], **arrays)
 
 

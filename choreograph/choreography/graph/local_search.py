@@ -53,10 +53,7 @@ class CheapNodes:
         node_cost = [cost for _, cost in nodes]
         # What the first node costs on its path is evaluated with the path.
         node_cost[0] = node_cost[0] - _first_cost(layers[0], of_path, song_features)
-        edge_cost = tuple(
-            edge_costs(here, there, fixed, song_features)
-            for here, there in pairwise(layers)
-        )
+        edge_cost = tuple(edge_costs(here, there, fixed, song_features) for here, there in pairwise(layers))
         return cls(layers, tuple(node_cost), edge_cost, of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
@@ -99,7 +96,9 @@ class CheapNodes:
         With `rng`, costs are changed at random. A beginning of which second t is another node than that of
         `path` costs the difference, given what `path` dances after t.
         """
-        rest = _Rest.of([layer.subset(np.array([node])) for layer, node in zip(self.layers, path, strict=True)])
+        rest = _Rest.of(
+            [layer.subset(np.array([node])) for layer, node in zip(self.layers, path, strict=True)]
+        )
         seen = rest.added_to(self.layers[0], 0)
         reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
         before = with_history(self.layers[0], self.layers[0])

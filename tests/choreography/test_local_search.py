@@ -1,0 +1,111 @@
+"""Iterated local search: the books balance, and paths only become cheaper."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from synthetic_layers import random_source
+
+from choreograph.choreography.graph.costs import Cost, Variety
+from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including
+from choreograph.choreography.graph.motif_costs import Signature, WeightedCost, allowed_nodes
+from choreograph.choreography.graph.planners import plan_exact
+from choreograph.choreography.motif_sequences import MotifGoal
+
+
+class Preference(Cost):
+    """A random cost of every node."""
+
+    def node(self, layer, song_features):
+        return np.random.default_rng(layer.second).uniform(0.0, 1.0, 64)[layer.segment]
+
+
+def searched(seed=0, n_seconds=5, k=2, *, n_motifs=0, usage=True):
+    """Cheap nodes of a small random source, and the costs."""
+    source, song_features = random_source(
+        seed, n_seconds=n_seconds, k=k, n_motifs=n_motifs, tie_break_s=np.array([0.0, 0.1]) if usage else None
+    )
+    costs = [WeightedCost(Preference(), 1.0), WeightedCost(Variety(), 6.0)]
+    if n_motifs:
+        goal = MotifGoal(np.full(n_motifs, 1 / n_motifs), np.full((n_motifs, n_motifs), 1 / n_motifs))
+        costs.append(WeightedCost(Signature([(0, goal)], song_features), 3.0))
+    nodes = [allowed_nodes(source.layer(second), costs, song_features) for second in range(n_seconds)]
+    return CheapNodes.of(nodes, costs, song_features), source, costs, song_features
+
+
+@pytest.mark.parametrize("n_motifs", [0, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_cheapest_of_all_paths_is_found(seed, n_motifs):
+    cheap, *_ = searched(seed, n_seconds=4, n_motifs=n_motifs)
+    paths = [np.array(p) for p in itertools.product(*(range(layer.n_nodes) for layer in cheap.layers))]
+    costs = [cheap.cost(path) for path in paths[:: max(1, len(paths) // 500)]]
+    found = cheap.improved(paths[int(np.argmax(costs)) * max(1, len(paths) // 500)])
+    assert cheap.cost(found) <= np.quantile(costs, 0.01)
+    assert cheap.cost(cheap.improved(found)) == pytest.approx(cheap.cost(found))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_path_never_becomes_costlier(seed):
+    cheap, *_ = searched(seed, n_seconds=8, k=4, n_motifs=4)
+    rng = np.random.default_rng(seed)
+    path = np.array([rng.integers(layer.n_nodes) for layer in cheap.layers])
+    assert cheap.cost(cheap.improved(path)) < cheap.cost(path)
+
+
+@pytest.mark.parametrize("n_motifs", [0, 4])
+def test_booked_costs_are_those_of_the_path(n_motifs):
+    """The plan's terms, against the cost of its path and against usage added up by hand."""
+    cheap, source, costs, song_features = searched(3, n_seconds=8, k=4, n_motifs=n_motifs)
+    path = plan_exact(source, costs, song_features)
+    nodes = [
+        including(nodes, (node, np.zeros(1)))[1]
+        for nodes, node in zip(zip(cheap.layers, cheap.node_cost, strict=True), path.nodes, strict=True)
+    ]
+    assert path.total == pytest.approx(cheap.cost(np.array(nodes)), abs=1e-3)
+    takes = [int(node.take[0]) for node in path.nodes]
+    for second, (take, terms) in enumerate(zip(takes, path.costs, strict=True)):
+        at_start_s = [0.0, 0.1][take] * np.exp(-second / 120)
+        ages_s = np.array([second - 1 - s for s in range(second) if takes[s] == take])
+        assert terms["variety"] == pytest.approx(
+            6.0 * (at_start_s + np.exp(-ages_s / 120).sum()) / 12, abs=1e-4
+        )
+
+
+def test_without_costs_of_the_path_nothing_is_searched():
+    source, song_features = random_source(1)
+    costs = [WeightedCost(Preference(), 1.0)]
+    nodes = [allowed_nodes(source.layer(second), costs, song_features) for second in range(6)]
+    path = np.zeros(6, np.int64)
+    assert CheapNodes.of(nodes, costs, song_features).improved(path).tolist() == path.tolist()
+
+
+def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
+    monkeypatch.setattr("choreograph.choreography.graph.local_search.N_CHEAP", 3)
+    layer = random_source(0)[0].layer(4)
+    reached = np.full(layer.n_nodes, np.inf)
+    reached[[1, 3, 6, 7]] = 4.0, 1.0, 2.0, 3.0
+    few, cost = cheapest(layer, np.arange(layer.n_nodes, dtype=float), reached)
+    assert cost.tolist() == [3.0, 6.0, 7.0]
+    (with_node, its_cost), index = including((few, cost), (layer.subset(np.array([1])), np.array([9.0])))
+    assert index == 3 and its_cost.tolist() == [3.0, 6.0, 7.0, 9.0]
+    assert with_node.segment.tolist() == layer.segment[[3, 6, 7, 1]].tolist()
+    assert including((few, cost), (layer.subset(np.array([6])), np.array([9.0])))[1] == 1
+
+
+def test_usage_of_the_rest_counts_as_much_as_that_of_the_beginning():
+    """A beginning that the path changes costs what the whole changed path costs more."""
+    cheap, *_ = searched(2, n_seconds=6, k=3, n_motifs=3)
+    path = np.array([layer.n_nodes - 1 for layer in cheap.layers])
+    found = cheap._pass(path)
+    others = [
+        replace_at(path, second, node) for second in range(6) for node in range(cheap.layers[second].n_nodes)
+    ]
+    assert cheap.cost(found) <= min(cheap.cost(other) for other in others) + 1e-3
+
+
+def replace_at(path, second, node):
+    changed = path.copy()
+    changed[second] = node
+    return changed
