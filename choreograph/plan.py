@@ -24,7 +24,7 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-plan"
 VERSION = 1
 _ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
-_SETTINGS = ("planner", "blending", "fps", "seed")  # of a plan, named as in `DanceConfig`
+_SETTINGS = ("planner", "blending", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
 _TOUCH_S = 1e-3  # largest distance between words without a gap
 
@@ -118,6 +118,7 @@ class Plan:
     closing_s: float | None = None  # from then on it holds its last one. Without it, it dances to the end
     lock_feet: bool = True  # when it is rendered
     keep_on_stage: bool = True  # with small rotations at transitions
+    front: str = "audience"  # rotations at transitions bring the dancer back to it, or "free"
 
     def __repr__(self) -> str:
         parts = ", ".join(

@@ -28,6 +28,7 @@ Planner = Literal["exact", "greedy", "motion-graph"]
 Selection = Literal["genre", "style", "random"]
 Warping = Literal["counts", "dtw", "none"]
 Blending = Literal["inertial", "linear"]
+Front = Literal["audience", "free"]
 Transitions = Literal["beats", "seconds"]
 Density = Literal["repertoire", "learned"]
 TimeMaps = Literal["smooth", "raw"]
@@ -41,7 +42,7 @@ TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # within the count.
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
-    "front": 4.0, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
+    "front": 4.0, "seed": 0.5, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
     "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0,
 }  # fmt: skip
 
@@ -118,6 +119,11 @@ class DanceConfig:
     """Whether small rotations at the joins keep the dancer near the place where the dance begins. Used by
     the graph engine."""
 
+    front: Front = "audience"
+    """Where the dancer faces. With "audience", the cost `front` prefers motion that faces the audience, and
+    small rotations at the joins bring the dancer back after figures that turn. "free" does without both.
+    The front of a take is the direction that its dancer faces most. Used by the graph engine."""
+
     motif_draw: MotifDraw = "missing"
     """How motifs are drawn. "missing" draws motifs that the dance does not yet have as often as its
     signature asks for. "absolute" weighs them by the absolute difference, which is equation 5 of Rhythm is
@@ -180,6 +186,7 @@ class DanceSettings(TypedDict, total=False):
     lock_feet: bool
     hold_ends: bool
     keep_on_stage: bool
+    front: Front
     motif_draw: MotifDraw
     style_strength: float | None
     style_window: StyleWindow | None
@@ -288,7 +295,7 @@ WEIGHTS: dict[str, float] = {
 DANCE: dict[str, Any] = {
     "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "learned",
     "time_maps": "raw", "blending": "linear", "transitions": "seconds", "lock_feet": False,
-    "hold_ends": False, "keep_on_stage": False, "weights": WEIGHTS,
+    "hold_ends": False, "keep_on_stage": False, "front": "free", "weights": WEIGHTS,
 }  # fmt: skip
 
 

@@ -69,6 +69,7 @@ class DanceRequest:
             "metre": counts.metre, "opening_s": opening_s,
             "closing_s": closing_s if closing_s < features.duration_s else None,
             "lock_feet": config.lock_feet, "keep_on_stage": config.keep_on_stage,
+            "front": config.front,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

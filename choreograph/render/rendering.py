@@ -48,13 +48,14 @@ def assemble(
     duration_s: float,
     blending: str,
     keep_on_stage: bool = True,
+    to_front: bool = True,
     report: StepReport | None = None,
 ) -> tuple[Motion, NDArray[np.float64]]:
     """The dance before foot locking, and the times of its transitions in seconds.
 
     Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
     stood at the transition (the paper does not say how nodes are joined), and steered a little to face the
-    audience and to keep the dance on the stage (`keep_on_stage`, ours).
+    audience (`to_front`) and to keep the dance on the stage (`keep_on_stage`), both ours.
     `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
     decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
 
@@ -70,7 +71,7 @@ def assemble(
     for done, run in enumerate(runs, start=1):
         sampled = sample_run(run, read_motion, fps, margin)
         if previous is not None:
-            sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage)
+            sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage, to_front=to_front)
         if quat_out is None:
             quat_out = np.empty((total, *sampled.quat.shape[1:]))
         rows = sampled.rows(sampled.start, sampled.stop)
@@ -163,6 +164,7 @@ def render_from(
         duration_s=plan.duration_s,
         blending=plan.blending,
         keep_on_stage=plan.keep_on_stage,
+        to_front=plan.front == "audience",
         report=part(report, 0, 70, _STEPS),
     )
     motion = hold_ends(motion, plan.opening_s, plan.closing_s)

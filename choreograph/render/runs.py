@@ -245,21 +245,27 @@ def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple
 
 
 def align_to(
-    previous: SampledRun, sampled: SampledRun, fps: float, *, keep_on_stage: bool = True
+    previous: SampledRun,
+    sampled: SampledRun,
+    fps: float,
+    *,
+    keep_on_stage: bool = True,
+    to_front: bool = True,
 ) -> SampledRun:
     """`sampled`, moved to place and heading of `previous` at its start, and steered a little.
 
-    It is steered back to the heading of its take, whose front faces the audience at 0, and towards the
-    middle of the stage.
+    It is steered back to the heading of its take, which faces the audience with its front (`to_front`), and
+    towards the middle of the stage (`keep_on_stage`).
     """
     yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
-    if not keep_on_stage:
+    if not keep_on_stage and not to_front:
         return sampled.moved(yaw_rad, shift_m)
     before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
     end = sampled.body_at(sampled.stop - 1)
+    place_m = ground_pos_m(before) if keep_on_stage else np.zeros(3)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
     share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs have many transitions
-    yaw_rad += share * steer_rad(ground_pos_m(before), travel_m, yaw_rad)
+    yaw_rad += share * steer_rad(place_m, travel_m, yaw_rad if to_front else 0.0)
     return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
 
 

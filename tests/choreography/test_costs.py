@@ -21,6 +21,7 @@ from choreograph.choreography.graph.costs import (
     Phrasing,
     Repeat,
     Rhythm,
+    Seed,
     Steps,
     Style,
     Transition,
@@ -242,6 +243,21 @@ def test_turned_away_is_0_at_the_front_and_1_at_the_back(monkeypatch):
             type(source._poses), "headings_rad", lambda _, clip, frames, h=headings: h + 0.0 * frames
         )
         assert source.layer(2).turned_away == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_seed_gives_each_part_of_a_take_a_number_of_its_own():
+    source, song_features = random_source(0, tracked=True)
+    here, there = source.layer(3), source.layer(4)
+    numbers = Seed(1).node(here, song_features)
+    assert ((numbers >= 0) & (numbers < 1)).all()
+    a, b = here.successors_in(there)
+    assert np.array_equal(numbers[a], Seed(1).node(there, song_features)[b])
+    assert len(np.unique(numbers)) == here.n_nodes - sum(here.time_map_id >= 0) + len(
+        np.unique(here.time_map_id[here.time_map_id >= 0])
+    )
+    assert not np.isclose(numbers, Seed(2).node(here, song_features)).any()
+    many = replace(here.subset(np.zeros(5000, np.int64)), time_map_id=np.arange(5000))
+    assert np.histogram(Seed(0).node(many, song_features), 10, (0, 1))[0].min() > 400
 
 
 def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):

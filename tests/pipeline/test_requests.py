@@ -84,6 +84,7 @@ TABLE = {
     "lock_feet": ({"graph"}, False, {}),
     "hold_ends": ({"graph"}, False, {}),
     "keep_on_stage": ({"graph"}, False, {"costs": (Hop(),)}),
+    "front": ({"graph"}, "free", {}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
     "style_strength": ({"rollout"}, 9.0, {}),
     "style_window": ({"rollout"}, "hamming", {"style_strength": 9.0}),

@@ -374,6 +374,20 @@ class Repeat(Cost):
         return again
 
 
+class Seed(Cost):
+    """A random number, 0 … 1, of each continuous part of a take in the song (ours).
+
+    It follows from the seed of the dance. Of many parts that are nearly as good, each seed prefers others.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._seed = seed
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
+        part = np.where(layer.time_map_id >= 0, 2 * layer.time_map_id, 2 * layer.segment + 1)
+        return _random_numbers(part.astype(np.uint64), self._seed)
+
+
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Style,
     Completeness,
@@ -406,6 +420,14 @@ def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tup
                 f"a subclass of Cost with the name {name!r} as entry point of {COST_GROUP}", kind
             )
     return tuple(kind() for name, kind in kinds.items() if name not in taken)
+
+
+def _random_numbers(keys: NDArray[np.uint64], seed: int) -> NDArray[np.float64]:
+    """A number in [0, 1) for each key (N,), always the same for the same key and seed (SplitMix64)."""
+    mixed = keys + np.random.default_rng(seed).integers(0, 2**63, dtype=np.uint64)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
+    return (mixed ^ (mixed >> np.uint64(31))) / 2.0**64
 
 
 def _rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:

@@ -12,7 +12,7 @@ import numpy as np
 from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, installed_costs
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
 from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers
 from choreograph.choreography.graph.layers import Layer, LayerSource
 from choreograph.choreography.graph.motif_costs import (
@@ -58,6 +58,7 @@ class GraphEngine:
             "lock_feet",
             "hold_ends",
             "keep_on_stage",
+            "front",
             "weights",
             "costs",
         }
@@ -143,7 +144,7 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Stillness, *MOTIF_COSTS)
+    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS)
     names = [
         *(cost.name for cost in known),
         *(cost.name for cost in costs),
@@ -154,7 +155,8 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
             f"expected costs with a name each, but two share a name among {', '.join(names)}: give yours its "
             "own `name`"
         )
-    return resolve_weights(config.weights, names)
+    given = {"front": 0.0, **config.weights} if config.front == "free" else config.weights
+    return resolve_weights(given, names)
 
 
 def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
@@ -215,6 +217,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
     costs += installed_costs(config.weights, request.costs)
+    costs.append(Seed(config.seed))
     costs.append(Stillness(request.repertoire.clip_motion))
     if goals:
         parts = [(part.first_second, part.goal) for part in goals]
