@@ -347,4 +347,4 @@ def test_a_cost_has_its_class_name_or_its_own():
 
 
 def test_default_weights_are_of_the_graphs_costs():
-    assert set(DEFAULT_WEIGHTS) == {cost.name for cost in (*BUILTIN_COSTS, Stillness, *MOTIF_COSTS)}
+    assert set(DEFAULT_WEIGHTS) == {cost.name for cost in (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS)}
