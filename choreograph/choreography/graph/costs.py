@@ -6,65 +6,21 @@ import math
 from collections.abc import Collection, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from choreograph.choreography.graph.edge_kernels import (
+    random_numbers,
+    revisits,
+    rms_distances,
+    rms_speed_m_s,
+)
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core import installed
 from choreograph.core.arguments import unexpected
-from choreograph.core.kernel_cache import njit
-from choreograph.core.numerics import AnyFloats, AnyInts
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP
-
-F32 = NDArray[np.float32]
-
-# Compiled loops of edge costs.
-#
-# Each call runs on one thread. The planner evaluates parts of a block of edges in threads of its own.
-
-
-# A squared distance is the difference of sums. Below this share of them, it is their rounding error, which
-# depends on the number of rows that are multiplied at once.
-_ROUNDING = np.float32(2e-6)
-
-
-@njit(nogil=True)
-def distances_from_product(
-    product: F32, sq_a: F32, sq_b: F32, scale: np.float32
-) -> F32:  # pragma: no cover - compiled
-    """√(scale · (|a|² + |b|² - 2 a·b)), replacing the products a·b, (P, N) float32. 0 within rounding."""
-    n_a, n_b = product.shape
-    for i in range(n_a):
-        for j in range(n_b):
-            both = sq_a[i] + sq_b[j]
-            d = both - np.float32(2.0) * product[i, j]
-            product[i, j] = np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
-    return product
-
-
-@njit(nogil=True)
-def revisits(
-    take_a: AnyInts,
-    end_a: AnyFloats,
-    take_b: AnyInts,
-    start_b: AnyFloats,
-    min_frames: float,
-    max_frames: float,
-) -> F32:  # pragma: no cover - compiled
-    """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
-
-    Both limits are exclusive.
-    """
-    n_a, n_b = len(take_a), len(take_b)
-    back = np.zeros((n_a, n_b), np.float32)
-    for i in range(n_a):
-        for j in range(n_b):
-            if take_a[i] == take_b[j] and min_frames < end_a[i] - start_b[j] < max_frames:
-                back[i, j] = 1.0
-    return back
-
 
 _USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
 _STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
@@ -198,7 +154,7 @@ class Transition(Cost):
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        return _rms_distances(previous.last_pose_m, next.first_pose_m)
+        return rms_distances(previous.last_pose_m, next.first_pose_m)
 
 
 class Velocity(Cost):
@@ -212,9 +168,9 @@ class Velocity(Cost):
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        difference_m_s = _rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
+        difference_m_s = rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
         speed_m_s = 0.5 * (
-            _rms_speed_m_s(previous.last_velocity_m_s)[:, None] + _rms_speed_m_s(next.first_velocity_m_s)
+            rms_speed_m_s(previous.last_velocity_m_s)[:, None] + rms_speed_m_s(next.first_velocity_m_s)
         )
         return difference_m_s / (speed_m_s + np.float32(_STILL_M_S))
 
@@ -385,7 +341,7 @@ class Seed(Cost):
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         part = np.where(layer.time_map_id >= 0, 2 * layer.time_map_id, 2 * layer.segment + 1)
-        return _random_numbers(part.astype(np.uint64), self._seed)
+        return random_numbers(part.astype(np.uint64), self._seed)
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
@@ -420,31 +376,3 @@ def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tup
                 f"a subclass of Cost with the name {name!r} as entry point of {COST_GROUP}", kind
             )
     return tuple(kind() for name, kind in kinds.items() if name not in taken)
-
-
-def _random_numbers(keys: NDArray[np.uint64], seed: int) -> NDArray[np.float64]:
-    """A number in [0, 1) for each key (N,), always the same for the same key and seed (SplitMix64)."""
-    mixed = keys + np.random.default_rng(seed).integers(0, 2**63, dtype=np.uint64)
-    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
-        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
-    return (mixed ^ (mixed >> np.uint64(31))) / 2.0**64
-
-
-def _rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:
-    """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
-
-    n_joints = a.shape[1]
-    flat_a = np.ascontiguousarray(a, np.float32).reshape(len(a), -1)
-    flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
-    sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
-    sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
-    distances_m: AnyFloats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
-    return distances_m
-
-
-def _rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:
-    """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
-    speed_m_s: NDArray[np.float32] = np.sqrt(
-        np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
-    )
-    return speed_m_s
