@@ -2,113 +2,207 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.selection import genre_distances
+from choreograph.core.counts import FROM_MOTION, Counts
 from choreograph.core.numerics import Floats
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
-from choreograph.music.metrical_level import at_changes, change_times_s
+from choreograph.music.metrical_level import DANCED_IN, tempo_bpm
+from choreograph.music.sections import Sections
 from choreograph.music.song_features import SongFeatures
 
-_NEAREST = "no genre given: the dance follows {}, whose takes are nearest to the song in style"
+_NEAREST = "no genre given: the dance follows {}, by style, tempo and metre"
 _FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"
+# Losses of one second. The style alone makes at most 0.5.
 _PER_DISTANCE = 0.025  # loss per squared distance. Neighbouring seconds have similar distances
 _FAR = 20.0  # limit of squared distance beyond the nearest genre's: a few seconds do not decide for a section
 # Loss added to a genre if none of its takes has the metre of a second. It is larger than any loss of style,
 # since a dance in another metre does not fit the bars. At 0.3, a rumba at a waltz's tempo was danced as
 # waltz.
 _OTHER_METRE = 0.6
-# The loss that a change of genre must save, summed over seconds.
-_CHANGE_OF_TEMPO = 0.3  # where a section begins at another tempo or metre
-_CHANGE_AT_SECTION = 3.0
-_CHANGE_INSIDE = 6.0
+# Loss added to a genre whose takes are all slower or faster, and to it per octave.
+_OTHER_TEMPO, _PER_OCTAVE = 1.5, 4.0
+_SAME_TEMPO = 1.04  # ratio of tempi that are the same
+# House and disco have a hi-hat between the beats. Without one, the music is of neither. Of the onsets of
+# percussion on the beat or between two beats, synthetic songs of both have 0.51 or more between the beats in
+# a quarter of their seconds, and cha-chas 0.36 to 0.45.
+_WITH_OFF_BEATS = ("disco", "house")
+_OFF_BEATS = (0.43, 0.51)
+_NO_OFF_BEATS = 0.6
+# The loss that a change of genre must save, summed over seconds. It is small where a section begins in
+# another style or metre.
+CHANGE_LOSS, CHANGE_LOSS_OF_STYLE = 30.0, 3.0
+_SAME_STYLE = 0.4  # cosine. It is up to 0.37 in songs spliced of two genres, and from 0.44 in real songs
 _SEGMENT_S = 4  # seconds that the style of a second describes
+_SHARPNESS = 10.0  # of the probability of a genre, per mean loss
 
 
-def genre_note(genres: list[str]) -> str:
+@dataclass(frozen=True)
+class LikelyGenre:
+    """The genre of a part of a song, and how sure it is."""
+
+    first_second: int
+    genre: str
+    probability: float = 1.0
+    runner_up: str = ""  # empty if there is no other genre
+    tempo: str = ""  # "slower" or "faster" than all takes of the genre, since no genre has takes at the tempo
+
+    def __str__(self) -> str:
+        other = f", else {self.runner_up}" if self.runner_up else ""
+        tempo = f", {self.tempo} than its takes" if self.tempo else ""
+        return f"{self.genre} ({100 * self.probability:.0f} % sure{other}{tempo})"
+
+
+def genre_note(parts: Sequence[LikelyGenre]) -> str:
     """The note that a dance follows the likely genres, one for each part of the song."""
-    return _FALLBACK if ALL_GENRES in genres else _NEAREST.format(", then ".join(genres))
+    if any(part.genre == ALL_GENRES for part in parts):
+        return _FALLBACK
+    return _NEAREST.format(", then ".join(map(str, parts)))
 
 
-def likely_genre(song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints) -> str:
-    """The genre nearest in style over the whole song, among those that are not banned.
+def likely_genre(
+    song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
+) -> LikelyGenre:
+    """The genre of the whole song with the least loss, among those that are not banned.
 
     It is `ALL_GENRES` without style networks, or if no take has a genre.
     """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
-    return genres[int(np.argmin(losses.mean(axis=0)))] if genres else ALL_GENRES
+    if not genres:
+        return LikelyGenre(0, ALL_GENRES)
+    whole = _likely(0, int(np.argmin(losses.mean(axis=0))), genres, losses)
+    return replace(whole, tempo=_tempo_of_part(song_features, 0, len(losses), repertoire, whole.genre))
 
 
 def likely_genres(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
-) -> list[tuple[int, str]]:
-    """(first second, genre) of each part of the song that is nearest to one genre, as in `likely_genre`.
+) -> list[LikelyGenre]:
+    """The genre of each part of the song, as in `likely_genre`.
 
-    Dynamic programming finds the least sum of losses over all seconds. A change adds the least loss where a
-    section begins at another tempo or metre, and the most inside a section.
+    Dynamic programming finds the least sum of losses over all seconds, those of changes included.
     """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     if not genres:
-        return [(0, ALL_GENRES)]
-    change_loss = _change_losses(song_features)
+        return [LikelyGenre(0, ALL_GENRES)]
+    chosen = least_loss_path(losses, _change_losses(song_features))
+    firsts = [second for second in range(len(chosen)) if second == 0 or chosen[second] != chosen[second - 1]]
+    stops = [*firsts[1:], len(chosen)]
+    parts = [
+        _likely(first, chosen[first], genres, losses[first:stop])
+        for first, stop in zip(firsts, stops, strict=True)
+    ]
+    return [
+        replace(part, tempo=_tempo_of_part(song_features, part.first_second, stop, repertoire, part.genre))
+        for part, stop in zip(parts, stops, strict=True)
+    ]
+
+
+def _likely(first_second: int, chosen: int, genres: Sequence[str], losses: Floats) -> LikelyGenre:
+    """A genre with its probability among all genres, from the losses (S, G) of its part."""
+    mean = losses.mean(axis=0)  # (G,)
+    shares = np.exp(-_SHARPNESS * (mean - mean.min()))
+    others = np.where(np.arange(len(genres)) == chosen, np.inf, mean)
+    runner_up = genres[int(np.argmin(others))] if len(genres) > 1 else ""
+    return LikelyGenre(first_second, genres[chosen], float(shares[chosen] / shares.sum()), runner_up)
+
+
+def least_loss_path(losses: Floats, change_loss: Floats) -> list[int]:
+    """The genre of each of T parts with the least sum of losses (T, G), and of changes (T,) into a part."""
+    every = np.arange(losses.shape[1])
     reached, parents = losses[0], []
-    for of_second, loss in zip(losses[1:], change_loss[1:], strict=True):
+    for of_part, loss in zip(losses[1:], change_loss[1:], strict=True):
         changed = reached.min() + loss
-        parents.append(np.where(reached <= changed, np.arange(len(genres)), np.argmin(reached)))
-        reached = np.minimum(reached, changed) + of_second
+        parents.append(np.where(reached <= changed, every, np.argmin(reached)))
+        reached = np.minimum(reached, changed) + of_part
     chosen = [int(np.argmin(reached))]
     for parent in reversed(parents):
         chosen.append(int(parent[chosen[-1]]))
-    chosen.reverse()
-    firsts = [second for second in range(len(chosen)) if second == 0 or chosen[second] != chosen[second - 1]]
-    return [(second, genres[chosen[second]]) for second in firsts]
+    return chosen[::-1]
 
 
 def _change_losses(song_features: SongFeatures) -> Floats:
     """The loss that a change of genre adds in each second, (S,)."""
-    change_loss = np.full(song_features.n_seconds, _CHANGE_INSIDE)
-    starts = _section_starts(song_features)
-    change_loss[starts] = _CHANGE_AT_SECTION
-    change_loss[starts[at_changes(starts, change_times_s(song_features.counts))]] = _CHANGE_OF_TEMPO
-    return change_loss
+    starts = _section_starts(song_features.sections, song_features.n_seconds)
+    metres = [np.bincount(part).argmax() for part in np.split(song_metre_at(song_features), starts[1:])]
+    other = changes_of_style(song_features.style, starts) | np.append(False, np.diff(metres) != 0)
+    losses = np.full(song_features.n_seconds, CHANGE_LOSS)
+    losses[starts[other]] = CHANGE_LOSS_OF_STYLE
+    return losses
 
 
-def _section_starts(song_features: SongFeatures) -> NDArray[np.int64]:
+def changes_of_style(style: NDArray[np.floating], starts: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Whether the music changes its style (S, 32) where parts begin at these seconds (P,)."""
+    stops = np.append(starts[1:], len(style))
+    inside = [
+        style[start : max(start + 1, stop - _SEGMENT_S + 1)]
+        for start, stop in zip(starts, stops, strict=True)
+    ]
+    means = np.stack([part.mean(axis=0, dtype=np.float64) for part in inside])  # (P, 32)
+    means /= np.maximum(np.linalg.norm(means, axis=1, keepdims=True), 1e-9)
+    other = np.sum(means[1:] * means[:-1], axis=1) < _SAME_STYLE
+    return np.append(False, other)
+
+
+def _section_starts(sections: Sections, n_seconds: int) -> NDArray[np.int64]:
     """The seconds (P,) nearest to where sections begin, from 0 on."""
-    bounds_s = song_features.sections.bounds_s[1:-1]
-    starts = np.unique(np.concatenate([[0], np.round(bounds_s)])).astype(np.int64)
-    return starts[starts < song_features.n_seconds]
+    starts = np.unique(np.concatenate([[0], np.round(sections.bounds_s[1:-1])])).astype(np.int64)
+    return starts[starts < n_seconds]
 
 
 def _genre_losses(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> tuple[list[str], Floats]:
-    """The genres that may be danced, and the loss of each second and genre (S, G).
+    """The genres that may be danced, and the loss of each second and genre (S, G)."""
+    banned = {ban.genre for ban in constraints.bans if ban.genre is not None}
+    genres, losses = style_losses(
+        song_features.style, song_features.sections, song_features.off_beat, repertoire, banned=banned
+    )
+    if not genres:
+        return genres, losses
+    return genres, losses + rhythm_losses(song_features.counts, len(losses), repertoire, genres)
 
-    The loss is the distance in style, over the 4 s around the second that are in its section. It is larger
-    for genres of another metre than the song has there. There is no genre without style vectors.
+
+# The losses of a genre by style, tempo and metre.
+
+
+def style_losses(
+    style: NDArray[np.floating],
+    sections: Sections,
+    off_beat: float,
+    repertoire: Repertoire,
+    *,
+    banned: Collection[str] = (),
+) -> tuple[list[str], Floats]:
+    """The genres that may be danced, and the loss (S, G) of each for the style of each second.
+
+    The style (S, 32) is that of the 4 s around the second that are in its section. `off_beat` is the share of
+    `SongFeatures`. There is no genre without style vectors.
     """
-    banned = {ban.genre for ban in constraints.bans}
     of_take = np.array([take.credits.genre for take in repertoire.takes])
     with_clips = set(of_take[np.unique(repertoire.clip_take)])
-    genres = [genre for genre in repertoire.vocabulary.genres if genre in with_clips - banned]
-    if not genres or not song_features.style.any():
-        return [], np.zeros((song_features.n_seconds, 0))
+    known = repertoire.vocabulary.genres if repertoire.has_vocabulary else ()
+    genres = [genre for genre in known if genre in with_clips.difference(banned)]
+    if not genres or not style.any():
+        return [], np.zeros((len(style), 0))
     of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
-    known = of_clip >= 0
-    away = genre_distances(song_features.style, repertoire.clip_style[known], of_clip[known])
-    away = np.minimum(away - away.min(axis=1, keepdims=True), _FAR)
-    return genres, _within_sections(_PER_DISTANCE * away, song_features) + _metre_losses(
-        song_features, repertoire, of_take, genres
-    )
+    away = genre_distances(style, repertoire.clip_style[of_clip >= 0], of_clip[of_clip >= 0])
+    losses = _PER_DISTANCE * np.minimum(away - away.min(axis=1, keepdims=True), _FAR)
+    few_off_beats = 1.0 - np.clip(np.interp(off_beat, _OFF_BEATS, (0.0, 1.0)), 0.0, 1.0)
+    losses[:, np.isin(genres, _WITH_OFF_BEATS)] += _NO_OFF_BEATS * few_off_beats
+    return genres, _within_sections(losses, sections)
 
 
-def _within_sections(losses: Floats, song_features: SongFeatures) -> Floats:
+def _within_sections(losses: Floats, sections: Sections) -> Floats:
     """Losses (S, G) of the 4 s from each second, or from earlier where these reach into another section."""
-    borders = [*_section_starts(song_features)[1:], song_features.n_seconds]
+    borders = [*_section_starts(sections, len(losses))[1:], len(losses)]
     seconds = np.arange(len(losses))
     starts = [0, *borders[:-1]]
     for start, stop in zip(starts, borders, strict=True):
@@ -116,31 +210,72 @@ def _within_sections(losses: Floats, song_features: SongFeatures) -> Floats:
     return losses[seconds]
 
 
-def _metre_losses(
-    song_features: SongFeatures, repertoire: Repertoire, of_take: NDArray[np.str_], genres: list[str]
-) -> Floats:
-    """The loss (S, G) of genres for the metre of the song."""
-    counts = song_features.counts
-    added = np.zeros((song_features.n_seconds, len(genres)))
-    if not counts.has_bars:
-        return added
-    metres = np.array([repertoire.counts(take).metre for take in range(len(of_take))])
-    metre_at = song_metre_at(song_features)
+def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres: Sequence[str]) -> Floats:
+    """The loss (S, G) of genres for the tempo and the metre of a song in each second.
+
+    A genre is danced at the tempi of its takes, from the slowest to the fastest. Outside of these, its loss
+    is large, so that it is danced only if no genre of similar style and metre reaches the tempo.
+    """
+    losses = np.zeros((n_seconds, len(genres)))
+    if len(counts) < 2:
+        return losses
+    bpm, metre_at = _tempo_at(counts, n_seconds), _metre_at(counts, n_seconds)
     for column, genre in enumerate(genres):
-        known = metres[(of_take == genre) & (metres > 0)]
-        if len(known):
-            other = np.array([np.mean(known != metre) if metre else 0.0 for metre in metre_at])
-            added[:, column] = _OTHER_METRE * counts.confidence * other
-    return added
+        takes = counts_of_takes(repertoire, genre)
+        metres = np.array([of_take.metre for of_take in takes if of_take.has_bars])
+        if len(metres) and counts.has_bars:
+            fits = {metre: np.isin(metres, DANCED_IN.get(metre, (metre,))) for metre in set(metre_at.tolist())}
+            other = np.array([1.0 - np.mean(fits[metre]) if metre else 0.0 for metre in metre_at.tolist()])
+            losses[:, column] += _OTHER_METRE * (1.0 + counts.confidence) / 2 * other
+        slowest_bpm, fastest_bpm = _tempi_bpm(takes)
+        ratio = np.maximum(np.maximum(slowest_bpm / bpm, bpm / fastest_bpm), 1.0)
+        losses[:, column] += (ratio > 1.0) * _OTHER_TEMPO + _PER_OCTAVE * np.log2(ratio)
+    return losses
+
+
+def _tempi_bpm(takes: Sequence[Counts]) -> tuple[float, float]:
+    """The slowest and the fastest tempo at which counted takes are danced. Without takes, all tempi are."""
+    tempi_bpm = [tempo_bpm(of_take) for of_take in takes]
+    return min(tempi_bpm, default=0.0) / _SAME_TEMPO, max(tempi_bpm, default=np.inf) * _SAME_TEMPO
+
+
+def _tempo_of_part(
+    song_features: SongFeatures, first_second: int, stop_second: int, repertoire: Repertoire, genre: str
+) -> str:
+    """Whether a part of a song is "slower" or "faster" than the takes of a genre. Empty if it is neither."""
+    if len(song_features.counts) < 2:
+        return ""
+    bpm = float(np.median(_tempo_at(song_features.counts, song_features.n_seconds)[first_second:stop_second]))
+    slowest_bpm, fastest_bpm = _tempi_bpm(counts_of_takes(repertoire, genre))
+    return "slower" if bpm < slowest_bpm else "faster" if bpm > fastest_bpm else ""
+
+
+def counts_of_takes(repertoire: Repertoire, genre: str) -> list[Counts]:
+    """The counts of the takes of a genre that have some. Estimated ones are used if there are no others."""
+    of_genre = [take for take, info in enumerate(repertoire.takes) if info.credits.genre == genre]
+    counts = [of_take for of_take in map(repertoire.counts, of_genre) if len(of_take) > 1]
+    known = [of_take for of_take in counts if of_take.source != FROM_MOTION]
+    return known or counts
+
+
+def _tempo_at(counts: Counts, n_seconds: int) -> Floats:
+    """The tempo around the middle of each second (S,), in BPM."""
+    periods_s = median_filter(np.diff(counts.times_s), min(9, len(counts) - 1), mode="nearest")
+    middles_s = (counts.times_s[1:] + counts.times_s[:-1]) / 2
+    bpm: Floats = 60.0 / np.interp(np.arange(n_seconds) + 0.5, middles_s, periods_s)
+    return bpm
 
 
 def song_metre_at(song_features: SongFeatures) -> NDArray[np.int64]:
     """Beats in the bar around the middle of each second (S,), 0 if there is no bar."""
-    counts = song_features.counts
-    metre = np.zeros(song_features.n_seconds, np.int64)
+    return _metre_at(song_features.counts, song_features.n_seconds)
+
+
+def _metre_at(counts: Counts, n_seconds: int) -> NDArray[np.int64]:
+    metre = np.zeros(n_seconds, np.int64)
     downbeats = np.flatnonzero(counts.numbers == 1)
     if len(downbeats) < 2:
         return metre
     length = np.diff(downbeats)  # (bars,)
-    bar = np.searchsorted(counts.times_s[downbeats], np.arange(song_features.n_seconds) + 0.5, "right") - 1
+    bar = np.searchsorted(counts.times_s[downbeats], np.arange(n_seconds) + 0.5, "right") - 1
     return length[np.clip(bar, 0, len(length) - 1)].astype(np.int64)

@@ -126,14 +126,14 @@ def _likely_goals(
         return [SectionGoal(0, target_goal(constraints, repertoire), every)], ()
     parts = likely_genres(song_features, repertoire, constraints)
     goals = []
-    for (second, genre), stop in zip(
-        parts, [*(s for s, _ in parts[1:]), song_features.n_seconds], strict=True
-    ):
+    stops = [*(part.first_second for part in parts[1:]), song_features.n_seconds]
+    for part, stop in zip(parts, stops, strict=True):
+        second, genre = part.first_second, part.genre
         of_genre = every if genre == ALL_GENRES else takes_of_genre(repertoire, genre)
         long_enough = _duration_s(repertoire, of_genre) >= stop - second
         goal = target_goal(constraints, repertoire, genre)
         goals.append(SectionGoal(second, goal, of_genre if long_enough else every, genre))
-    return goals, (genre_note([genre for _, genre in parts]),)
+    return goals, (genre_note(parts),)
 
 
 def target_goal(constraints: Constraints, repertoire: Repertoire, genre: str | None = None) -> MotifGoal:

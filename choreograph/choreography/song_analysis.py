@@ -8,10 +8,18 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from choreograph.choreography.genres import (
+    CHANGE_LOSS,
+    CHANGE_LOSS_OF_STYLE,
+    changes_of_style,
+    counts_of_takes,
+    least_loss_path,
+    rhythm_losses,
+    style_losses,
+)
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import one_thread
+from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
@@ -25,13 +33,14 @@ from choreograph.music.metrical_level import (
     metrical_levels,
     tempo_bpm,
 )
-from choreograph.music.rhythm import rhythm_features
+from choreograph.music.rhythm import off_beat_share, rhythm_features
 from choreograph.music.sections import Sections, dance_span_s, song_sections
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
 
 _STEPS = 100  # of the progress, most of which is for the sections
-_NEAREST_CLIPS = 32  # whose takes determine the tempo at which a second of the song can be danced
+_SAME_TEMPO = 0.015  # share by which tempi of one song differ, at most
+_OTHER_LEVEL = 0.25  # loss of another level than the tracked one, where style makes up to 0.5
 _WHOLE_SONG = 0.8  # of its duration: a note on a shorter part states where it is
 
 
@@ -48,8 +57,9 @@ def analyse_song(
 
     `beats` is one of `library.songs.TRACKER_NAMES` or a file (see `music.beats`) with times in the song file.
     The song is counted at half or double the tracked tempo if this is clearly nearer to the tempo of the
-    takes of `genre`, or else of the takes nearest in style. Without style networks, all style vectors are
-    zero. Raises `ParameterError` for an unknown tracker and `FormatError` for a file that cannot be read.
+    takes of `genre`, or else if a genre that suits the song is danced at that tempo. Without style networks,
+    all style vectors are zero. Raises `ParameterError` for an unknown tracker and `FormatError` for a file
+    that cannot be read.
     """
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
@@ -57,13 +67,17 @@ def analyse_song(
     counts = song_counts(song, mel, beats)
     if report is not None:
         report(20, _STEPS)
-    style, beat_count, style_notes = _style(repertoire, mel, counts, n_seconds)
+    if names_a_tracker(beats):
+        counts = _at_one_level(counts, song, mel, repertoire)
+    rhythm = rhythm_features(mel, counts)
+    style, beat_count, style_notes = _style(repertoire, mel, rhythm, n_seconds)
     notes += style_notes
     if report is not None:
         report(25, _STEPS)
     sections = _sections(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
-        counts, changed = _danceable(counts, song, mel, sections, repertoire, style, genre)
+        losses = None if genre else style_losses(style, sections, off_beat_share(rhythm), repertoire)
+        counts, changed = _danceable(counts, song, mel, sections, repertoire, style, genre, losses)
         if changed:
             sections = _sections(song, counts, part(report, 60, 95, _STEPS))
             notes.append(_level_note(song, changed, genre))
@@ -82,6 +96,7 @@ def analyse_song(
         opening_s,
         closing_s,
         onset_density(mel, n_seconds),
+        off_beat_share(rhythm),
     )
     if report is not None:
         report(_STEPS, _STEPS)
@@ -106,7 +121,7 @@ def _level_note(song: Song, changed: Sequence[tuple[Counts, Counts]], genre: str
     return (
         f"{song.name}: counted at {tempo_bpm(counts):.0f} BPM{'' if is_whole else span} rather than the "
         f"tracked {tempo_bpm(tracked):.0f} BPM, because this is nearer to the tempo of the "
-        + (f"takes of {genre}" if genre else "takes nearest in style")
+        + (f"takes of {genre}" if genre else "takes that suit it")
     )
 
 
@@ -118,64 +133,117 @@ def _danceable(
     repertoire: Repertoire,
     style: NDArray[np.float32],
     genre: str | None,
+    losses: tuple[list[str], Floats] | None,
 ) -> tuple[Counts, list[tuple[Counts, Counts]]]:
     """The song's counts, each part at the metrical level that suits the takes (`music.metrical_level`).
 
     A new part begins where the tracked tempo or metre changes. Also returns the parts that are counted at
-    another level than the tracked one, as tracked and as counted.
+    another level than the tracked one, as tracked and as counted. `losses` are those of `style_losses`, or
+    None if a genre is requested.
     """
-    counted = ((i, repertoire.counts(i)) for i in range(len(repertoire.takes)))
-    takes = [i for i, counts in counted if counts.has_bars and len(counts) > 1]  # one count has no tempo
-    if not takes or not tracked.has_bars:
+    if not tracked.has_bars:
         return tracked, []
-    of_genre = [i for i in takes if repertoire.takes[i].credits.genre == genre]
-    if of_genre:
-        takes, style = of_genre, np.zeros_like(style)  # without style, all of them have the same weight
     bounds_s = sections.bounds_s[1:-1]
     bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
-    chosen, changed = [], []
-    for start_s, stop_s in pairwise(bounds_s):
-        seconds = style[int(np.clip(start_s, 0, len(style) - 1)) : int(np.clip(stop_s, 1, len(style)))]
-        levels = metrical_levels(song.samples, mel, between(tracked, start_s, stop_s))
-        if len(levels[0]) > 1:  # a single beat stays as it was tracked
-            levels = (levels[0], *(level for level in levels[1:] if len(level) > 1))
-            chosen.append(choose_level(levels, *_take_tempi(repertoire, takes, seconds)))
-        else:
-            chosen.append(levels[0])
-        if chosen[-1] is not levels[0]:
-            changed.append((levels[0], chosen[-1]))
+    of_parts = []
+    for span_s in pairwise(bounds_s):
+        levels = metrical_levels(song.samples, mel, between(tracked, *span_s))
+        of_parts.append([levels[0], *(level for level in levels[1:] if len(level) > 1)])
+    if losses is not None and losses[0]:
+        chosen = _likeliest_levels(of_parts, bounds_s[1:-1], repertoire, style, *losses)
+    else:
+        tempi_bpm = _take_tempi(repertoire, genre)
+        chosen = [_nearest_level(levels, tempi_bpm) for levels in of_parts]
+    changed = [
+        (levels[0], level) for levels, level in zip(of_parts, chosen, strict=True) if level is not levels[0]
+    ]
     return (joined(chosen) if changed else tracked), changed
 
 
-def _take_tempi(
-    repertoire: Repertoire, takes: Sequence[int], style: NDArray[np.float32]
-) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
-    """The tempi (X,) of the counted takes of each metre, and their nearness to a part's style (S, 32)."""
-    near = _nearness(style, repertoire)  # (takes,)
-    tempi_bpm, weights = {}, {}
-    for metre in {repertoire.counts(i).metre for i in takes}:
-        of_metre = [i for i in takes if repertoire.counts(i).metre == metre]
-        tempi_bpm[metre] = np.array([tempo_bpm(repertoire.counts(i)) for i in of_metre])
-        weights[metre] = near[of_metre]
-    return tempi_bpm, weights
+def _at_one_level(tracked: Counts, song: Song, mel: NDArray[np.float32], repertoire: Repertoire) -> Counts:
+    """The counts of a song of which a tracker counts parts at half or double the tempo of the longest.
 
-
-def _nearness(style: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.float64]:
-    """Share of each take (takes,) in the clips nearest in style to the song's seconds (S, 32).
-
-    Without style networks, all takes have the same weight.
+    These parts are counted like the longest one, unless their style is another one even then.
     """
-    if not style.any():
-        return np.ones(len(repertoire.takes))
-    n_nearest = min(_NEAREST_CLIPS, repertoire.n_clips)
-    _, nearest = cKDTree(repertoire.clip_style).query(style, n_nearest)  # (S, K)
-    counted = np.bincount(repertoire.clip_take[np.ravel(nearest)], minlength=len(repertoire.takes))
-    nearness: NDArray[np.float64] = counted / counted.sum()
-    return nearness
+    changes_s = change_times_s(tracked)
+    if not tracked.has_bars or len(changes_s) == 0:
+        return tracked
+    of_parts = [between(tracked, *span_s) for span_s in pairwise(np.r_[-np.inf, changes_s, np.inf])]
+    longest = max((one for one in of_parts if len(one) > 1), key=lambda one: float(np.ptp(one.times_s)))
+    bpm = tempo_bpm(longest)
+    chosen = []
+    for tracked_part in of_parts:
+        levels = metrical_levels(song.samples, mel, tracked_part)
+        same = [level for level in levels if len(level) > 1 and _is_same(tempo_bpm(level), bpm)]
+        same = [level for level in same if level.metre == longest.metre]
+        chosen.append(same[0] if same else tracked_part)
+    if all(one is other for one, other in zip(of_parts, chosen, strict=True)):
+        return tracked
+    counts, n_seconds = joined(chosen), max(1, int(np.ceil(song.duration_s)))
+    style, _, _ = _style(repertoire, mel, rhythm_features(mel, counts), n_seconds)
+    starts = np.unique(np.r_[0, np.clip(np.rint(changes_s), 0, n_seconds - 1)]).astype(np.int64)
+    return tracked if changes_of_style(style, starts).any() else counts
+
+
+def _is_same(bpm: float, other_bpm: float) -> bool:
+    return abs(bpm / other_bpm - 1.0) < _SAME_TEMPO
+
+
+def _likeliest_levels(
+    of_parts: Sequence[Sequence[Counts]],
+    borders_s: Floats,
+    repertoire: Repertoire,
+    style: NDArray[np.float32],
+    genres: list[str],
+    style_loss: Floats,
+) -> list[Counts]:
+    """The level of each part of a song that is the likeliest together with its genre.
+
+    The losses of style (S, G) and of rhythm are added, with those of changes of genre, as in
+    `genres.likely_genres`. Another level than the first must be clearly better.
+    """
+    n_seconds = len(style)
+    starts = np.r_[0, np.clip(np.rint(borders_s), 1, n_seconds - 1)].astype(np.int64)
+    stops = np.append(starts[1:], n_seconds)
+    losses = []  # of each part, (levels, G)
+    for levels, start, stop in zip(of_parts, starts, stops, strict=True):
+        of_levels = np.zeros((len(levels), len(genres)))
+        for row, level in enumerate(levels):
+            rhythm = rhythm_losses(level, n_seconds, repertoire, genres)
+            of_levels[row] = (style_loss + rhythm)[start:stop].sum(axis=0) + _OTHER_LEVEL * (row > 0) * (
+                stop - start
+            )
+        losses.append(of_levels)
+    change_loss = np.where(changes_of_style(style, starts), CHANGE_LOSS_OF_STYLE, CHANGE_LOSS)
+    path = least_loss_path(np.stack([of_levels.min(axis=0) for of_levels in losses]), change_loss)
+    return [
+        levels[int(np.argmin(of_levels[:, genre]))]
+        for levels, of_levels, genre in zip(of_parts, losses, path, strict=True)
+    ]
+
+
+def _nearest_level(levels: Sequence[Counts], tempi_bpm: dict[int, Floats]) -> Counts:
+    """The level nearest to the tempi of takes, by their metre. Without these, or of one beat, the first."""
+    if not tempi_bpm or len(levels[0]) < 2:
+        return levels[0]
+    return choose_level(levels, tempi_bpm, {metre: np.ones(len(bpm)) for metre, bpm in tempi_bpm.items()})
+
+
+def _take_tempi(repertoire: Repertoire, genre: str | None) -> dict[int, Floats]:
+    """The tempi (X,) of the takes of a genre with bars, by their metre. Those of all takes if it has none."""
+    every = sorted({take.credits.genre for take in repertoire.takes})
+    takes = [] if genre is None else counts_of_takes(repertoire, genre)
+    takes = takes or [counts for other in every for counts in counts_of_takes(repertoire, other)]
+    tempi_bpm: dict[int, list[float]] = {}
+    for counts in takes:
+        if not counts.has_bars:
+            continue
+        tempi_bpm.setdefault(counts.metre, []).append(tempo_bpm(counts))
+    return {metre: np.array(bpm) for metre, bpm in tempi_bpm.items()}
 
 
 def _style(
-    repertoire: Repertoire, mel: NDArray[np.float32], counts: Counts, n_seconds: int
+    repertoire: Repertoire, mel: NDArray[np.float32], rhythm: NDArray[np.float32], n_seconds: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
     """Style vectors (S, 32) of the 4 s from each second, their expected motion beats (S,), and notes."""
     without = (
@@ -188,7 +256,7 @@ def _style(
 
     net = repertoire.net("style")
     nets = StyleNets.from_arrays(net.weights, net.config)
-    style = nets.embed_music(mel, rhythm_features(mel, counts), np.arange(n_seconds))
+    style = nets.embed_music(mel, rhythm, np.arange(n_seconds))
     return style, nets.predict_beat_count(style), []
 
 

@@ -108,7 +108,7 @@ _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers coun
 # The numbers in a bar of each metre that are counted at the slower level. Half of three beats is no whole
 # count, so a bar of three has one. Bars of five and seven are counted at their own level only.
 _SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
-_DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
+DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 
 
 def metrical_levels(
@@ -162,7 +162,7 @@ def choose_level(
     """
     distances = []
     for song in levels:
-        metres = [metre for metre in _DANCED_IN.get(song.metre, (song.metre,)) if metre in take_weights]
+        metres = [metre for metre in DANCED_IN.get(song.metre, (song.metre,)) if metre in take_weights]
         tempi_bpm, weights = _of_metres(metres, take_tempi_bpm), _of_metres(metres, take_weights)
         distances.append(_distance_octaves(tempo_bpm(song), tempi_bpm, weights) if weights.sum() else np.inf)
     if np.isinf(distances[0]) and np.isfinite(distances).any():

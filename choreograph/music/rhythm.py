@@ -75,6 +75,22 @@ def rhythm_features(log_mel: AnyFloats, counts: Counts, *, start_s: float = 0.0)
     return out
 
 
+def off_beat_share(rhythm: AnyFloats) -> float:
+    """Share of a song's percussion that is half way between beats rather than on them.
+
+    `rhythm` (N, RHYTHM_DIM) is the result of `rhythm_features`. A quarter of its rows have a larger share.
+    Without beats, the result is 1.
+    """
+    fine = rhythm[:, PATTERN].reshape(len(rhythm), N_BANDS, -1)[:, -1, _BAR_PARTS:]  # (N, 12)
+    half = _FINE_PARTS // 2
+    on_beat = fine[:, 0] + (fine[:, 1] + fine[:, -1]) / 2
+    between = fine[:, half] + (fine[:, half - 1] + fine[:, half + 1]) / 2
+    counted = on_beat + between > 0
+    if not counted.any():
+        return 1.0
+    return float(np.quantile(between[counted] / (on_beat + between)[counted], 0.75))
+
+
 def _near(log_mel: AnyFloats, onsets: AnyFloats, centres_s: AnyFloats) -> tuple[AnyFloats, AnyFloats]:
     """Loudness in dB and mean onset strength (N,) of the 4 s around each row."""
     level = np.empty(len(log_mel))  # (T,)

@@ -198,7 +198,7 @@ def dance(
     song : path of any audio file, or a loaded `Song`
     repertoire : the takes to dance with, opened or as a path, by default the built-in ones
     genre : the genre to dance, by its own takes or motifs alone. By default, each part of the song has the
-        genre whose takes are nearest to it in style
+        genre that suits its style, tempo and metre
     signature : (K,) shares of the motifs that the dance should have, by takes that have them
     motifs : the motifs of the words of the dance, from the first word on, or motifs with their times. A whole
         sequence is danced by the mixer, unless another engine is given

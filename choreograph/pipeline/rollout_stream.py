@@ -124,8 +124,8 @@ class RolloutStream:
             features, self.notes = analyse_song(loaded, self._repertoire, beats=beats, genre=genre)
             self.counts = features.counts
             if genre is None:
-                genre = likely_genre(features, self._repertoire, make_constraints())
-                self.notes += (genre_note([genre]),)
+                likely = likely_genre(features, self._repertoire, make_constraints())
+                genre, self.notes = likely.genre, (*self.notes, genre_note([likely]))
         beat_times_s = self.counts.times_s
         self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
         self.notes += metre_notes

@@ -10,6 +10,7 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes, with_count
 
 from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.genres import (
+    LikelyGenre,
     genre_note,
     likely_genre,
     likely_genres,
@@ -27,6 +28,12 @@ GENRES = ("waltz", "rumba")
 # So far apart that a second of one genre is worth 1.4 in it against the other, if clips do not vary.
 STYLES = dict(zip(GENRES, 0.0532 * np.eye(2, 32, dtype=np.float32), strict=True))
 ANYTHING = make_constraints()
+
+
+def parts_of(features, repertoire, requested):
+    return [(part.first_second, part.genre) for part in likely_genres(features, repertoire, requested)]
+
+
 PERIODS_S = (0.5, 0.55, 0.6, 0.5)
 N_SECONDS = 32
 
@@ -82,8 +89,8 @@ def beats(metre: int, *, period_s: float = 0.5, confidence: float = 1.0) -> Coun
 @pytest.mark.parametrize("genre", GENRES)
 def test_a_song_of_one_genre_has_one_part(repertoire, genre):
     features = song([genre] * N_SECONDS, borders_s=[9.0, 20.0])
-    assert likely_genres(features, repertoire, ANYTHING) == [(0, genre)]
-    assert likely_genre(features, repertoire, ANYTHING) == genre
+    assert parts_of(features, repertoire, ANYTHING) == [(0, genre)]
+    assert likely_genre(features, repertoire, ANYTHING).genre == genre
 
 
 @pytest.mark.parametrize("genres", [GENRES, GENRES[::-1]])
@@ -91,59 +98,97 @@ def test_two_halves_of_different_genres_are_two_parts(repertoire, genres):
     first, second = genres
     # The style of a second describes the 4 s from it: it changes before the section does.
     features = song([first] * 13 + [second] * 19, borders_s=[16.0])
-    assert likely_genres(features, repertoire, ANYTHING) == [(0, first), (16, second)]
+    assert parts_of(features, repertoire, ANYTHING) == [(0, first), (16, second)]
 
 
 def test_a_passage_that_is_not_much_nearer_to_another_genre_changes_nothing(repertoire):
     doubtful = song(["waltz"] * 12 + [0.45] * 4 + ["waltz"] * 16, borders_s=[12.0, 16.0])
-    assert likely_genres(doubtful, repertoire, ANYTHING) == [(0, "waltz")]
+    assert parts_of(doubtful, repertoire, ANYTHING) == [(0, "waltz")]
     certain = song(["waltz"] * 10 + ["rumba"] * 14 + ["waltz"] * 8, borders_s=[10.0, 24.0])
-    assert [g for _, g in likely_genres(certain, repertoire, ANYTHING)] == ["waltz", "rumba", "waltz"]
+    assert [g for _, g in parts_of(certain, repertoire, ANYTHING)] == ["waltz", "rumba", "waltz"]
 
 
 def test_a_few_odd_seconds_do_not_decide_for_a_section(repertoire):
     """However far they are from the genre of the rest."""
     features = song(["waltz"] * 16 + ["waltz"] * 12 + [-9.0] * 4, borders_s=[16.0])
-    assert likely_genres(features, repertoire, ANYTHING) == [(0, "waltz")]
+    assert parts_of(features, repertoire, ANYTHING) == [(0, "waltz")]
 
 
-def test_inside_a_section_a_change_has_to_gain_more(repertoire):
-    """The last seven seconds are slightly nearer to the other genre: 3.3 in all."""
-    styles = ["waltz"] * 25 + [1 / 3] * 7
-    assert likely_genres(song(styles), repertoire, ANYTHING) == [(0, "waltz")]
-    assert len(likely_genres(song(styles, borders_s=[25.0]), repertoire, ANYTHING)) == 2
+def test_a_genre_changes_only_where_the_style_does(repertoire):
+    """Not inside a section, nor where the tempo changes alone, nor where a section is like the last."""
+    half = ["waltz"] * 16
+    other, similar = [0.1] * 16, [0.4] * 16
+    for styles, borders_s, n_parts in (
+        (half + other, [16.0], 2),
+        (half + other, [], 1),
+        (half + similar, [16.0], 1),
+    ):
+        assert len(parts_of(song(styles, borders_s=borders_s), repertoire, ANYTHING)) == n_parts
+    times_s = np.r_[np.arange(0, 16, 0.5), np.arange(16, N_SECONDS, 0.53)]
+    counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+    features = song(half + similar, counts=counts, borders_s=[16.0])
+    assert len(parts_of(features, repertoire, ANYTHING)) == 1
 
 
-def test_where_the_tempo_changes_a_section_may_change_its_genre_for_less(repertoire):
-    """A gain of 1.1 over four seconds is enough where the beat changes, too."""
-    styles = ["waltz"] * 28 + [0.4] * 4
-    for period_s, n_parts in ((0.5, 1), (0.4, 2)):
-        times_s = np.r_[np.arange(0, 28, 0.5), np.arange(28, N_SECONDS, period_s)]
-        counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
-        features = song(styles, counts=counts, borders_s=[28.0])
-        assert len(likely_genres(features, repertoire, ANYTHING)) == n_parts
+def test_no_genre_is_danced_at_a_tempo_of_none_of_its_takes(tmp_path):
+    """The waltzes are danced at 120 BPM, the rumbas at 100 to 109."""
+    takes = synthetic_takes(periods_s=(0.5, 0.55, 0.5, 0.6), duration_s=12.0, genres=GENRES)
+    repertoire = planted(tmp_path / "rep.h5", with_counts(takes, (0.5, 0.55, 0.5, 0.6)))
+    for bpm, genre, tempo in (
+        (120, "waltz", ""),
+        (123, "waltz", ""),
+        (105, "rumba", ""),
+        (97, "rumba", ""),
+        (90, "rumba", "slower"),
+        (140, "waltz", "faster"),
+    ):
+        features = song([0.0 if genre == "waltz" else 1.0] * N_SECONDS, counts=beats(4, period_s=60 / bpm))
+        likely = likely_genre(features, repertoire, ANYTHING)
+        assert (likely.genre, likely.tempo) == (genre, tempo)
+        assert likely_genres(features, repertoire, ANYTHING) == [likely]
+        assert ("than its takes" in genre_note([likely])) == bool(tempo)
+    features = song(["waltz"] * N_SECONDS, counts=beats(4, period_s=60 / 117))  # both reach it
+    assert likely_genre(features, repertoire, ANYTHING).genre == "waltz"
+
+
+@pytest.mark.parametrize(("off_beat", "genre"), [(0.55, "house"), (0.35, "cha-cha"), (1.0, "house")])
+def test_music_without_off_beats_is_no_house(tmp_path, off_beat, genre, monkeypatch):
+    styles = dict(zip(("house", "cha-cha"), STYLES.values(), strict=True))
+    monkeypatch.setitem(globals(), "STYLES", {**STYLES, **styles})
+    repertoire = planted(tmp_path / "rep.h5", takes_of(("house", "cha-cha")))
+    features = replace(song(["waltz"] * N_SECONDS), off_beat=off_beat)  # the style of house
+    assert likely_genre(features, repertoire, ANYTHING).genre == genre
+
+
+def test_the_probability_falls_as_another_genre_comes_near(repertoire):
+    sure, less, doubtful = (
+        likely_genre(song([share] * N_SECONDS), repertoire, ANYTHING) for share in (1.0, 0.6, 0.5)
+    )
+    assert sure.genre == "waltz" and sure.runner_up == "rumba"
+    assert sure.probability > 0.98 > less.probability > 0.5
+    assert doubtful.probability == pytest.approx(0.5)
 
 
 def test_banned_genres_are_not_likely(repertoire):
     features = song(["waltz"] * 16 + ["rumba"] * 16, borders_s=[16.0])
     for banned, other in (GENRES, GENRES[::-1]):
         requested = make_constraints(bans=[Ban(genre=banned)])
-        assert likely_genres(features, repertoire, requested) == [(0, other)]
+        assert parts_of(features, repertoire, requested) == [(0, other)]
 
 
 def test_a_genre_of_the_songs_metre_is_likelier(tmp_path):
     takes = takes_of(GENRES, metres=(3, 4, 3, 4))
     waltzes_in_three = planted(tmp_path / "rep.h5", takes)
     doubtful = [0.5] * N_SECONDS
-    for metre, genre in ((3, "waltz"), (4, "rumba")):
+    for metre, genre in ((3, "waltz"), (4, "rumba"), (6, "waltz")):  # two bars of waltz on a bar of six
         features = song(doubtful, counts=beats(metre))
-        assert likely_genres(features, waltzes_in_three, ANYTHING) == [(0, genre)]
+        assert parts_of(features, waltzes_in_three, ANYTHING) == [(0, genre)]
         # A metre that is certain outweighs any style: however near, a waltz would be off the bar.
         other = [0.0 if genre == "waltz" else 1.0] * N_SECONDS
-        assert likely_genre(song(other, counts=beats(metre)), waltzes_in_three, ANYTHING) == genre
+        assert likely_genre(song(other, counts=beats(metre)), waltzes_in_three, ANYTHING).genre == genre
     # Style that is certain outweighs a metre that is not.
     features = song(["waltz"] * N_SECONDS, counts=beats(4, confidence=0.5))
-    assert likely_genre(features, waltzes_in_three, ANYTHING) == "waltz"
+    assert likely_genre(features, waltzes_in_three, ANYTHING).genre == "waltz"
 
 
 def test_halves_that_differ_in_metre_alone_are_two_parts(tmp_path):
@@ -151,7 +196,7 @@ def test_halves_that_differ_in_metre_alone_are_two_parts(tmp_path):
     numbers = np.r_[numbers_in_bar(32, 4), numbers_in_bar(30, 3)]
     counts = make_counts(0.5 * np.arange(len(numbers)), numbers, 4)
     features = song([0.5] * N_SECONDS, counts=counts, borders_s=[16.0])
-    assert likely_genres(features, repertoire, ANYTHING) == [(0, "rumba"), (16, "waltz")]
+    assert parts_of(features, repertoire, ANYTHING) == [(0, "rumba"), (16, "waltz")]
 
 
 def test_the_metre_of_each_second_is_that_of_its_bar():
@@ -168,9 +213,11 @@ def test_without_style_or_genres_none_is_likely(tmp_path, lacking):
     features = song(["waltz"] * N_SECONDS)
     if lacking == "style":
         features = replace(features, style=np.zeros_like(features.style))
-    assert likely_genres(features, plain, ANYTHING) == [(0, ALL_GENRES)]
-    assert likely_genre(features, plain, ANYTHING) == ALL_GENRES
+    assert parts_of(features, plain, ANYTHING) == [(0, ALL_GENRES)]
+    assert likely_genre(features, plain, ANYTHING).genre == ALL_GENRES
 
 
-def test_the_note_names_the_genres_in_order():
-    assert "waltz, then rumba" in genre_note(["waltz", "rumba"])
+def test_the_note_names_genres_runners_up_and_how_sure_they_are():
+    note = genre_note([LikelyGenre(0, "waltz", 0.871, "rumba"), LikelyGenre(9, "rumba", 1.0, "")])
+    assert "follows waltz (87 % sure, else rumba), then rumba (100 % sure)" in note
+    assert "all takes" in genre_note([LikelyGenre(0, ALL_GENRES)])

@@ -93,7 +93,8 @@ def test_two_halves_have_two_goals(repertoire, genres):
     for goal, genre in zip(made.goals, genres, strict=True):
         assert np.array_equal(goal.goal.signature, signature_of(repertoire, genre))
         assert genres_of(repertoire, goal.takes) == {genre} and not goal.requested
-    assert ", then ".join(genres) in made.notes[0]
+    first, second = genres
+    assert f"follows {first} (99 % sure, else {second}), then {second} (99 % sure" in made.notes[0]
 
 
 def test_a_song_of_one_genre_has_one_goal(repertoire):

@@ -111,3 +111,25 @@ def test_a_note_states_the_tempi_of_the_part_that_changes(clicks, tmp_path, monk
     assert np.diff(features.beat_times_s) == pytest.approx(1.0)
     note = next(note for note in notes if "rather than the tracked" in note)
     assert "counted at 60 BPM from 0 s to 3 s rather than the tracked 120 BPM" in note
+
+
+def half_at_half_tempo(clicks, tmp_path, monkeypatch, style):
+    """The song with its second half tracked at half the tempo, and with these styles of both halves."""
+    times_s = np.r_[np.arange(0.25, 10.0, 0.5), np.arange(10.25, 20.0, 1.0)]
+    tracked = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+    monkeypatch.setattr(song_analysis, "song_counts", lambda *_: tracked)
+    vectors = np.repeat(np.eye(2, 32, dtype=np.float32)[list(style)], [10, 11], axis=0)
+    monkeypatch.setattr(song_analysis, "_style", lambda *_: (vectors, np.zeros(21, np.float32), []))
+    return analyse_song(clicks, repertoire_at(tmp_path, 118.0))[0].counts
+
+
+@pytest.mark.parametrize(("style", "same_level"), [((0, 0), True), ((0, 1), False)])
+def test_parts_tracked_at_half_tempo_are_counted_like_the_rest(
+    clicks, tmp_path, monkeypatch, style, same_level
+):
+    """Unless their style is another one. Then they may be other music."""
+    monkeypatch.setattr(song_analysis, "choose_level", lambda levels, *_: levels[0])
+    counts = half_at_half_tempo(clicks, tmp_path, monkeypatch, style)
+    second_half = counts.within(10.2, 20.0)
+    assert np.diff(second_half.times_s) == pytest.approx(0.5 if same_level else 1.0)
+    assert np.diff(second_half.downbeat_times_s) == pytest.approx(2.0 if same_level else 4.0)

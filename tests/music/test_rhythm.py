@@ -18,6 +18,7 @@ from choreograph.music.rhythm import (
     RHYTHM_DIM,
     TEMPI_BPM,
     TEMPO,
+    off_beat_share,
     rhythm_features,
 )
 
@@ -111,3 +112,11 @@ def test_bars_that_are_not_known_leave_the_beat():
 def test_other_shapes_are_refused():
     with pytest.raises(ParameterError, match="log-mel"):
         rhythm_features(np.zeros((10, 80)), NO_COUNTS)
+
+
+@pytest.mark.parametrize(("offsets", "share"), [((0.0,), 0.0), ((0.25,), 1.0), ((0.0, 0.25), 0.5)])
+def test_off_beats_are_half_way_between_beats(offsets, share):
+    beats = counts(120.0, 4)
+    heard = np.add.outer(beats.times_s[:-1], offsets).ravel()
+    assert off_beat_share(rhythm_features(clicks(heard), beats)) == pytest.approx(share, abs=0.05)
+    assert off_beat_share(rhythm_features(clicks(heard), NO_COUNTS)) == 1.0
