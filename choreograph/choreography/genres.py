@@ -224,8 +224,9 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
         takes = counts_of_takes(repertoire, genre)
         metres = np.array([of_take.metre for of_take in takes if of_take.has_bars])
         if len(metres) and counts.has_bars:
-            fits = {metre: np.isin(metres, DANCED_IN.get(metre, (metre,))) for metre in set(metre_at.tolist())}
-            other = np.array([1.0 - np.mean(fits[metre]) if metre else 0.0 for metre in metre_at.tolist()])
+            other = np.zeros(n_seconds)
+            for metre in np.unique(metre_at[metre_at > 0]).tolist():
+                other[metre_at == metre] = np.mean(~np.isin(metres, DANCED_IN.get(metre, (metre,))))
             losses[:, column] += _OTHER_METRE * (1.0 + counts.confidence) / 2 * other
         slowest_bpm, fastest_bpm = _tempi_bpm(takes)
         ratio = np.maximum(np.maximum(slowest_bpm / bpm, bpm / fastest_bpm), 1.0)
