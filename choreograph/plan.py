@@ -88,7 +88,7 @@ class Plan:
 
     The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
     seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. A part
-    that is kept from another dance is also a word, of any length. Engines of other packages plan either.
+    that is kept from another dance is also a word, of any length. Engines of other packages plan either kind.
 
     Examples
     --------
@@ -114,18 +114,15 @@ class Plan:
     words: tuple[PlannedWord, ...] = ()  # in order of time
     music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
     metre: int = 0  # beats in a bar, or 0 if bars are not known
-    opening_s: float = 0.0  # its first count. Shortly before it, the dance sets off from its first pose
-    closing_s: float | None = None  # from then on it holds its last one. Without it, it dances to the end
-    lock_feet: bool = True  # when it is rendered
-    keep_on_stage: bool = True  # with small rotations at transitions
-    front: str = "audience"  # rotations at transitions bring the dancer back to it, or "free"
+    opening_s: float = 0.0  # time of the first count. Shortly before it, the dance leaves its first pose
+    closing_s: float | None = None  # time from which the last pose is held, or None to dance to the end
+    lock_feet: bool = True  # hold planted feet in place when it is rendered
+    keep_on_stage: bool = True  # by small rotations at transitions
+    front: str = "audience"  # to which rotations at transitions bring the dancer back, or "free" for none
 
     def __repr__(self) -> str:
-        parts = ", ".join(
-            counted(len(danced), one)
-            for danced, one in ((self.seconds, "second"), (self.words, "word"))
-            if danced
-        )
+        kinds = ((self.seconds, "second"), (self.words, "word"))
+        parts = ", ".join(counted(len(danced), one) for danced, one in kinds if danced)
         song = reprlib.repr(self.song)
         return (
             f"<Plan of a dance to {song}: {self.duration_s:.1f} s, {self.engine} engine, {parts or 'empty'}>"
@@ -199,7 +196,7 @@ class Plan:
         return sum(sum(second.costs.values()) for second in self.seconds)
 
     def to_json(self) -> str:
-        """The plan as JSON text, laid out in `data_schema/plan.schema.json`."""
+        """The plan as JSON text, as specified in `data_schema/plan.schema.json`."""
         return json.dumps({"format": FORMAT, "version": VERSION, **asdict(self)}, indent=1) + "\n"
 
     def check(self) -> None:

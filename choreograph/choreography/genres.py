@@ -28,32 +28,33 @@ _FAR = 20.0  # limit of squared distance beyond the nearest genre's: a few secon
 # since a dance in another metre does not fit the bars. At 0.3, a rumba at a waltz's tempo was danced as
 # waltz.
 _OTHER_METRE = 0.6
-# Loss added to a genre whose takes are all slower or faster, and to it per octave.
+# Loss added to a genre whose takes are all slower or all faster than the song, and the loss per octave of
+# difference.
 _OTHER_TEMPO, _PER_OCTAVE = 1.5, 4.0
-_SAME_TEMPO = 1.04  # ratio of tempi that are the same
-# House and disco have a hi-hat between the beats. Without one, the music is of neither. Of the onsets of
-# percussion on the beat or between two beats, synthetic songs of both have 0.51 or more between the beats in
-# a quarter of their seconds, and cha-chas 0.36 to 0.45.
+_SAME_TEMPO = 1.04  # largest ratio of two tempi that count as the same
+# House and disco have a hi-hat between the beats, and music without one is neither. The share of percussion
+# onsets that are between two beats rather than on one is 0.51 or more in a quarter of the seconds of
+# synthetic songs of both genres, and 0.36 to 0.45 in cha-chas.
 _WITH_OFF_BEATS = ("disco", "house")
 _OFF_BEATS = (0.43, 0.51)
 _NO_OFF_BEATS = 0.6
 # The loss that a change of genre must save, summed over seconds. It is small where a section begins in
 # another style or metre.
 CHANGE_LOSS, CHANGE_LOSS_OF_STYLE = 30.0, 3.0
-_SAME_STYLE = 0.4  # cosine. It is up to 0.37 in songs spliced of two genres, and from 0.44 in real songs
+_SAME_STYLE = 0.4  # least cosine. It is up to 0.37 in songs spliced from two genres, from 0.44 in real songs
 _SEGMENT_S = 4  # seconds that the style of a second describes
-_SHARPNESS = 10.0  # of the probability of a genre, per mean loss
+_SHARPNESS = 10.0  # factor of the mean loss in the softmax that gives the probability of a genre
 
 
 @dataclass(frozen=True)
 class LikelyGenre:
-    """The genre of a part of a song, and how sure it is."""
+    """The likely genre of a part of a song, with its probability."""
 
     first_second: int
     genre: str
     probability: float = 1.0
     runner_up: str = ""  # empty if there is no other genre
-    tempo: str = ""  # "slower" or "faster" than all takes of the genre, since no genre has takes at the tempo
+    tempo: str = ""  # "slower" or "faster" if the song is outside the tempi of the genre's takes, or empty
 
     def __str__(self) -> str:
         other = f", else {self.runner_up}" if self.runner_up else ""
@@ -85,9 +86,9 @@ def likely_genre(
 def likely_genres(
     song_features: SongFeatures, repertoire: Repertoire, constraints: Constraints
 ) -> list[LikelyGenre]:
-    """The genre of each part of the song, as in `likely_genre`.
+    """The genre of each part of the song, chosen as in `likely_genre`.
 
-    Dynamic programming finds the least sum of losses over all seconds, those of changes included.
+    Dynamic programming minimizes the sum of the losses of all seconds and of all changes of genre.
     """
     genres, losses = _genre_losses(song_features, repertoire, constraints)
     if not genres:
@@ -106,7 +107,7 @@ def likely_genres(
 
 
 def _likely(first_second: int, chosen: int, genres: Sequence[str], losses: Floats) -> LikelyGenre:
-    """A genre with its probability among all genres, from the losses (S, G) of its part."""
+    """The chosen genre with its probability among all genres, from the losses (S, G) of its part."""
     mean = losses.mean(axis=0)  # (G,)
     shares = np.exp(-_SHARPNESS * (mean - mean.min()))
     others = np.where(np.arange(len(genres)) == chosen, np.inf, mean)
@@ -115,7 +116,10 @@ def _likely(first_second: int, chosen: int, genres: Sequence[str], losses: Float
 
 
 def least_loss_path(losses: Floats, change_loss: Floats) -> list[int]:
-    """The genre of each of T parts with the least sum of losses (T, G), and of changes (T,) into a part."""
+    """The genre of each of T parts, with the least sum of losses (T, G) and of losses (T,) of changes.
+
+    `change_loss` is added where a part has another genre than the part before.
+    """
     every = np.arange(losses.shape[1])
     reached, parents = losses[0], []
     for of_part, loss in zip(losses[1:], change_loss[1:], strict=True):
@@ -139,7 +143,7 @@ def _change_losses(song_features: SongFeatures) -> Floats:
 
 
 def changes_of_style(style: NDArray[np.floating], starts: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Whether the music changes its style (S, 32) where parts begin at these seconds (P,)."""
+    """Whether the style (S, 32) of the music changes at each of the seconds (P,) where parts begin."""
     stops = np.append(starts[1:], len(style))
     inside = [
         style[start : max(start + 1, stop - _SEGMENT_S + 1)]
@@ -213,8 +217,8 @@ def _within_sections(losses: Floats, sections: Sections) -> Floats:
 def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres: Sequence[str]) -> Floats:
     """The loss (S, G) of genres for the tempo and the metre of a song in each second.
 
-    A genre is danced at the tempi of its takes, from the slowest to the fastest. Outside of these, its loss
-    is large, so that it is danced only if no genre of similar style and metre reaches the tempo.
+    A genre is danced between the tempi of its slowest and its fastest take. Outside of these, its loss is so
+    large that it is chosen only if no genre of similar style and metre includes the tempo.
     """
     losses = np.zeros((n_seconds, len(genres)))
     if len(counts) < 2:
@@ -235,7 +239,7 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
 
 
 def _tempi_bpm(takes: Sequence[Counts]) -> tuple[float, float]:
-    """The slowest and the fastest tempo at which counted takes are danced. Without takes, all tempi are."""
+    """The slowest and the fastest tempo of counted takes, with a tolerance. Without takes, 0 and infinity."""
     tempi_bpm = [tempo_bpm(of_take) for of_take in takes]
     return min(tempi_bpm, default=0.0) / _SAME_TEMPO, max(tempi_bpm, default=np.inf) * _SAME_TEMPO
 
@@ -243,7 +247,7 @@ def _tempi_bpm(takes: Sequence[Counts]) -> tuple[float, float]:
 def _tempo_of_part(
     song_features: SongFeatures, first_second: int, stop_second: int, repertoire: Repertoire, genre: str
 ) -> str:
-    """Whether a part of a song is "slower" or "faster" than the takes of a genre. Empty if it is neither."""
+    """Empty, or "slower" or "faster" if a part of a song is outside the tempi of a genre's takes."""
     if len(song_features.counts) < 2:
         return ""
     bpm = float(np.median(_tempo_at(song_features.counts, song_features.n_seconds)[first_second:stop_second]))
@@ -252,7 +256,7 @@ def _tempo_of_part(
 
 
 def counts_of_takes(repertoire: Repertoire, genre: str) -> list[Counts]:
-    """The counts of the takes of a genre that have some. Estimated ones are used if there are no others."""
+    """The counts of the takes of a genre that have any. Estimated counts are used if there are no others."""
     of_genre = [take for take, info in enumerate(repertoire.takes) if info.credits.genre == genre]
     counts = [of_take for of_take in map(repertoire.counts, of_genre) if len(of_take) > 1]
     known = [of_take for of_take in counts if of_take.source != FROM_MOTION]

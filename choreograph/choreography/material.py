@@ -182,7 +182,7 @@ def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
 _BARS_IN_BARS = ((1, 1), (2, 1), (1, 2))  # bars of the genre in bars of the song
 _OTHER_BARS = 0.5  # penalty, in octaves of tempo, of bars that do not last one bar of the song
 _OFF_MIDDLE = 2.0  # the same, of bars of six (6/8) whose second half does not begin with a count
-_TOO_FAR = 10.0  # of a take that would have to be faster than double or slower than half its speed
+_TOO_FAR = 10.0  # distance of a take that would have to be danced at over double or under half its speed
 
 
 def counts_on_bars(counts: Counts, metre: int, bpm: ArrayLike) -> Counts:
@@ -198,7 +198,7 @@ def counts_on_bars(counts: Counts, metre: int, bpm: ArrayLike) -> Counts:
     count_beats = tempo_bpm(counts) / np.atleast_1d(bpm)[:, None]  # (X, 1) length of a count of the takes
 
     def penalty(way: tuple[int, int]) -> float:
-        """How far a way is from the tempi of the takes, in octaves, and its other faults."""
+        """The distance of a way of counting from the tempi of the takes, in octaves, plus other faults."""
         n_beats = way[1] * counts.metre
         on = _beats_of_counts(way[0] * metre, n_beats)
         away = np.abs(np.log2(count_beats / np.diff(on).mean())[:, 0])

@@ -39,8 +39,8 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
 
 _STEPS = 100  # of the progress, most of which is for the sections
-_SAME_TEMPO = 0.015  # share by which tempi of one song differ, at most
-_OTHER_LEVEL = 0.25  # loss of another level than the tracked one, where style makes up to 0.5
+_SAME_TEMPO = 0.015  # largest relative difference of tempi that count as the same
+_OTHER_LEVEL = 0.25  # loss per second of another level than the tracked one. That of the style is up to 0.5
 _WHOLE_SONG = 0.8  # of its duration: a note on a shorter part states where it is
 
 
@@ -161,9 +161,9 @@ def _danceable(
 
 
 def _at_one_level(tracked: Counts, song: Song, mel: NDArray[np.float32], repertoire: Repertoire) -> Counts:
-    """The counts of a song of which a tracker counts parts at half or double the tempo of the longest.
+    """The counts of a song, with parts that were tracked at half or double the tempo corrected.
 
-    These parts are counted like the longest one, unless their style is another one even then.
+    Such parts are counted at the tempo of the longest part, unless their style differs even then.
     """
     changes_s = change_times_s(tracked)
     if not tracked.has_bars or len(changes_s) == 0:
@@ -197,10 +197,10 @@ def _likeliest_levels(
     genres: list[str],
     style_loss: Floats,
 ) -> list[Counts]:
-    """The level of each part of a song that is the likeliest together with its genre.
+    """The likeliest level of each part of a song, chosen together with its genre.
 
-    The losses of style (S, G) and of rhythm are added, with those of changes of genre, as in
-    `genres.likely_genres`. Another level than the first must be clearly better.
+    The losses of style (S, G), of rhythm and of changes of genre are added, as in `genres.likely_genres`.
+    Another level than the first is chosen only if it is clearly better.
     """
     n_seconds = len(style)
     starts = np.r_[0, np.clip(np.rint(borders_s), 1, n_seconds - 1)].astype(np.int64)

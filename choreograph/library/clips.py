@@ -219,7 +219,7 @@ class ClipMotion:
     def headings_rad(self, clip: AnyInts, frames: NDArray[np.floating]) -> NDArray[np.float32]:
         """Headings (N, M) of clips (N,) at fractional clip frames (N, M), from the front of their take.
 
-        Continuous along a take: a full turn adds 2π.
+        They are continuous along a take: a full turn adds 2π.
         """
         first, stop = self._take_rows[self._clip_take[clip]].T
         rows = np.clip(self._clip_rows[clip][:, None] + frames, first[:, None], stop[:, None] - 1)

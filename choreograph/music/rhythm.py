@@ -76,10 +76,10 @@ def rhythm_features(log_mel: AnyFloats, counts: Counts, *, start_s: float = 0.0)
 
 
 def off_beat_share(rhythm: AnyFloats) -> float:
-    """Share of a song's percussion that is half way between beats rather than on them.
+    """Share of a song's percussion that is halfway between beats rather than on them.
 
-    `rhythm` (N, RHYTHM_DIM) is the result of `rhythm_features`. A quarter of its rows have a larger share.
-    Without beats, the result is 1.
+    `rhythm` (N, RHYTHM_DIM) is the result of `rhythm_features`. The share is the upper quartile of that of
+    its rows. Without beats, it is 1.
     """
     fine = rhythm[:, PATTERN].reshape(len(rhythm), N_BANDS, -1)[:, -1, _BAR_PARTS:]  # (N, 12)
     half = _FINE_PARTS // 2

@@ -41,7 +41,7 @@ class SongFeatures:
     opening_s: float  # the first count that is danced. Before it the first pose is held
     closing_s: float  # the last count that is danced
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
-    off_beat: float = 1.0  # share of the onsets of percussion that are between beats: `off_beat_share`
+    off_beat: float = 1.0  # share of percussion that is between the beats: see `off_beat_share`
 
     __repr__ = one_line
 

@@ -1,6 +1,6 @@
-"""Array functions of the costs of edges, in part compiled.
+"""Array functions for the costs of edges, some of them compiled.
 
-Each call runs on one thread. The planner evaluates parts of a block of edges in threads of its own.
+Each call runs on one thread. The planner starts its own threads, which evaluate parts of a block of edges.
 """
 
 from __future__ import annotations

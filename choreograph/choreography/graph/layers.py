@@ -137,7 +137,7 @@ class Layer:
     def with_take_usage(self, usage_before_s: AnyFloats) -> Layer:
         """The layer with `usage_before_s` (N, takes) of the path to each node, plus the node's own second.
 
-        Raises `ParameterError` for anything but such numbers.
+        Raises `ParameterError` for another shape or other values than floating-point numbers.
         """
         check_kind("usage of takes", usage_before_s, np.ndarray)
         shape = self.take_usage_s.shape

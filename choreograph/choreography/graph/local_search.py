@@ -36,7 +36,7 @@ class CheapNodes:
     layers: tuple[Layer, ...]  # S, of N nodes each, before anything is danced
     node_cost: tuple[NDArray[np.float64], ...]  # S arrays (N,)
     edge_cost: tuple[NDArray[np.float32], ...]  # S - 1 arrays (P, N), of costs that do not depend on the path
-    of_path: tuple[WeightedCost, ...]  # costs that do
+    of_path: tuple[WeightedCost, ...]  # costs that depend on the path
     song_features: SongFeatures
 
     @classmethod
@@ -46,18 +46,18 @@ class CheapNodes:
         costs: Sequence[WeightedCost],
         song_features: SongFeatures,
     ) -> CheapNodes:
-        """From the nodes of every second and their costs (N,)."""
+        """Evaluate the costs of edges between the nodes of every second, given with their costs (N,)."""
         of_path = tuple(weighted for weighted in costs if weighted.weight and weighted.cost.of_path)
         fixed = [weighted for weighted in costs if not weighted.cost.of_path]
         layers = tuple(layer for layer, _ in nodes)
         node_cost = [cost for _, cost in nodes]
-        # What the first node costs on its path is evaluated with the path.
+        # The costs of the first node that depend on the path are evaluated with the path.
         node_cost[0] = node_cost[0] - _first_cost(layers[0], of_path, song_features)
         edge_cost = tuple(edge_costs(here, there, fixed, song_features) for here, there in pairwise(layers))
         return cls(layers, tuple(node_cost), edge_cost, of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
-        """The index (S,) of the node in each second of the cheapest path found: `path` or a cheaper one."""
+        """The cheapest path found, as the index (S,) of its node in each second: `path` or a cheaper one."""
         rng = np.random.default_rng(0)
         best, least = self._descent(np.asarray(path, np.int64))
         for _ in range(_N_STARTS if self.of_path else 0):
@@ -80,7 +80,7 @@ class CheapNodes:
         return total
 
     def _descent(self, path: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
-        """Passes that start with `path`, until one gains nothing: the best path, and its cost."""
+        """The best path, and its cost, after passes that start with `path` until one gains nothing."""
         cost = self.cost(path)
         while self.of_path:
             found = self._pass(path)
@@ -91,10 +91,10 @@ class CheapNodes:
         return path, cost
 
     def _pass(self, path: NDArray[np.int64], rng: np.random.Generator | None = None) -> NDArray[np.int64]:
-        """The cheapest path by dynamic programming, if every beginning is continued by the rest of `path`.
+        """The cheapest path by dynamic programming, which continues every beginning with the rest of `path`.
 
-        With `rng`, costs are changed at random. A beginning of which second t is another node than that of
-        `path` costs the difference, given what `path` dances after t.
+        With `rng`, costs are changed at random. Where a beginning has another node in second t than `path`,
+        the difference in cost is that with the rest of `path` after t.
         """
         rest = _Rest.of(
             [layer.subset(np.array([node])) for layer, node in zip(self.layers, path, strict=True)]
@@ -133,7 +133,7 @@ def cheapest(
 def including(
     nodes: tuple[Layer, NDArray[np.float64]], node: tuple[Layer, NDArray[np.float64]]
 ) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
-    """The nodes of a second with one node more, unless they contain it, and its index."""
+    """The nodes of a second with `node` added, unless they contain it, and the index of `node`."""
     (layer, cost), (one, its_cost) = nodes, node
     found = np.flatnonzero((layer.segment == one.segment[0]) & (layer.offset == one.offset[0]))
     if len(found) == 0:
@@ -144,7 +144,7 @@ def including(
 def _first_cost(
     layer: Layer, of_path: Sequence[WeightedCost], song_features: SongFeatures
 ) -> NDArray[np.float64]:
-    """What costs of the path charge the nodes of the first layer, (N,)."""
+    """The sum (N,) of the costs that depend on the path, for the nodes of the first layer."""
     total = np.zeros(layer.n_nodes)
     for _, cost in weighted_terms(of_path, lambda c: c.node(layer, song_features), total.shape):
         total += cost
@@ -160,14 +160,14 @@ def _changed(cost: NDArray[np.floating], rng: np.random.Generator | None) -> NDA
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """What a path dances after each second."""
+    """The motifs and takes that a path dances after each second."""
 
     motif_counts: NDArray[np.int16]  # (S, M) in the rest of the second's goal
-    take_usage_s: NDArray[np.float32]  # (S, takes) the later a take is used, the less
+    take_usage_s: NDArray[np.float32]  # (S, takes) less, the later a take is used
 
     @classmethod
     def of(cls, nodes: Sequence[Layer]) -> _Rest:
-        """Of a path, as layers of one node."""
+        """Count them along a path, given as layers of one node."""
         counts = np.zeros((len(nodes), nodes[0].motif_counts.shape[1]), np.int16)
         usage_s = np.zeros((len(nodes), nodes[0].take_usage_s.shape[1]), np.float32)
         for second in range(len(nodes) - 2, -1, -1):
@@ -181,7 +181,7 @@ class _Rest:
         return cls(counts, usage_s)
 
     def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
-        """The layer before `second` as if what follows that second had been danced as well."""
+        """The layer before `second`, as if the rest of the path after that second had been danced as well."""
         counts = np.zeros_like(layer.motif_counts) if new_goal else layer.motif_counts
         return replace(
             layer,
