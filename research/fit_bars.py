@@ -15,6 +15,9 @@ The confidence is logistic in the margin over the root of the number of beats. I
 to 35 s of every sixth of those songs, which are right if the downbeat F-score is 0.8 or more. They are clean,
 or with noise 10 dB below to 10 dB above the music. One excerpt of four is noise alone, which is always wrong.
 
+A logistic model decides from the mean repeats of beats and the instants between them whether those are the
+beats, as in 6/8 and 7/8 that are tracked on every second eighth.
+
 The script also prints the share of correct excerpts of each genre by weights that were fitted without the
 genre.
 """
@@ -50,6 +53,8 @@ DURATION_S = 45.0
 EXCERPT_BEATS = (8, 12, 16, 24, 32, 48)
 EXCERPTS = 3  # of each length and song
 PENALTY = 0.1
+FASTEST_BEATS_BPM = {5: 170.0, 6: 140.0, 7: 140.0}  # from which on the beats of a metre may be eighths
+SLOWEST_EIGHTHS_BPM = 250.0  # that are not the beats of other songs
 RARE_NATS = {5: 0.08, 6: 0.05, 7: 0.08}  # of a beat
 FIRST_STATE = dict(zip(METRES, np.cumsum([0, *METRES]).tolist(), strict=False))
 
@@ -222,7 +227,41 @@ def leave_genres_out(
         )
 
 
-def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> str:
+def eighths_rows(all_songs: list[BarSong], rng: np.random.Generator) -> Iterator[tuple[Floats, bool]]:
+    """Mean repeats (R,) of eighths, and whether they are the beats, of excerpts and of whole songs."""
+    for i, song in enumerate(all_songs):
+        true_bpm, tracked_bpm = (60.0 / np.median(np.diff(t)) for t in (song.true_s, song.tracked_s))
+        mel = log_mel(song.samples)
+        levels = []
+        if true_bpm >= FASTEST_BEATS_BPM.get(song.metre, np.inf):
+            levels.append((song.true_s, True))
+        if true_bpm <= SLOWEST_EIGHTHS_BPM / 2 and (song.metre != 4 or i % 3 == 0):
+            levels.append((with_halves(song.true_s), False))
+        octaves = np.log2(2 * tracked_bpm / true_bpm)
+        if tracked_bpm <= SLOWEST_EIGHTHS_BPM / 2 and min(abs(octaves), abs(octaves - 1)) < 0.1:
+            levels.append((with_halves(song.tracked_s), abs(octaves) < 0.1))
+        for beats_s, are_beats in levels:
+            inside = beats_s[beats_s < len(song.samples) / SAMPLE_RATE_HZ]
+            _, repeats = beat_evidence(song.samples, mel, inside)
+            for length in (24, 48, 96, len(repeats)):
+                for start in rng.choice(
+                    max(1, len(repeats) - length + 1), size=2 if length < len(repeats) else 1
+                ):
+                    yield repeats[start : start + length].mean(axis=0), are_beats
+
+
+def with_halves(times_s: Floats) -> Floats:
+    return np.interp(np.arange(2 * len(times_s) - 1) / 2, np.arange(len(times_s)), times_s)
+
+
+def fit_eighths(all_songs: list[BarSong]) -> Floats:
+    """Weights (R + 1,) of the log odds that eighths are the beats."""
+    repeats, are_beats = zip(*eighths_rows(all_songs, np.random.default_rng(0)), strict=True)
+    model = LogisticRegression(class_weight="balanced", max_iter=2000).fit(np.array(repeats), are_beats)
+    return np.append(model.coef_[0], model.intercept_[0])
+
+
+def source(weights: Floats, metre: Floats, eighths: Floats, confidence: tuple[float, float]) -> str:
     """The module of weights."""
     accents = (weights - weights.mean(axis=0)).T
     repeats = metre - metre.mean(axis=1, keepdims=True)
@@ -237,6 +276,8 @@ def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> s
             *array("ACCENT_WEIGHTS", accents, ACCENT_NAMES, 3),
             "# Log evidence of a repeat for bars of three to seven beats. The last row counts at every beat.",
             *array("METRE_WEIGHTS", repeats, (*REPEAT_NAMES, "always"), 4),
+            "# Log odds that beats rather than every second one are counted, of the mean repeats.",
+            *array("EIGHTHS_WEIGHTS", eighths[:, None], (*REPEAT_NAMES, "always"), 3, flat=True),
             "# Log odds that bars are right: offset, and slope in margin (nats) over root of beats.",
             f"CONFIDENCE = ({confidence[0]:.2f}, {confidence[1]:.2f})",
             "",
@@ -244,16 +285,17 @@ def source(weights: Floats, metre: Floats, confidence: tuple[float, float]) -> s
     )
 
 
-def array(name: str, rows: Floats, names: Sequence[str], decimals: int) -> list[str]:
-    """Lines of an array, with the name of each row above it."""
+def array(name: str, rows: Floats, names: Sequence[str], decimals: int, *, flat: bool = False) -> list[str]:
+    """Lines of an array of rows, or of a `flat` one of their numbers, with the name of each row."""
     lines = [f"{name} = np.array(", "    ["]
     for label, row in zip(names, rows, strict=True):
         numbers = ", ".join(f"{value:.{decimals}f}" for value in row)
-        lines += [
-            f"        # {label}",
-            *wrap(f"[{numbers}],", 100, initial_indent=8 * " ", subsequent_indent=9 * " "),
-        ]
-    return [*lines, "    ]", f")  # {rows.shape}", ""]
+        if flat:
+            lines.append(f"        {numbers},  # {label}")
+            continue
+        broken = wrap(f"[{numbers}],", 100, initial_indent=8 * " ", subsequent_indent=9 * " ")
+        lines += [f"        # {label}", *broken]
+    return [*lines, "    ]", f")  # {(rows.size,) if flat else rows.shape}", ""]
 
 
 def main() -> None:
@@ -269,7 +311,7 @@ def main() -> None:
     weights, metre = fit(sums, repeats, truth)
     metre[-1] -= torch.tensor([RARE_NATS.get(n, 0.0) for n in METRES], dtype=torch.float64)
     confidence = calibrated(all_songs[::6], (weights.numpy().T, metre.numpy()))
-    text = source(weights.numpy(), metre.numpy(), confidence)
+    text = source(weights.numpy(), metre.numpy(), fit_eighths(all_songs), confidence)
     if options.write:
         Path(_bar_weights.__file__).write_text(text, encoding="utf-8")
     else:

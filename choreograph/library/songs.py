@@ -26,7 +26,7 @@ from choreograph.music.frame_rhythm import (
     word_spectra,
 )
 from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
+from choreograph.music.metrical_level import level_at_tempo, tempo_bpm, with_eighths
 from choreograph.music.song import Song, load_song
 
 # The counts of a song: its beats by a tracker, by the network or from a file, numbered in their bars.
@@ -46,7 +46,10 @@ def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) ->
     Raises `ParameterError` for an unknown name, and `FormatError` for a file that cannot be read.
     """
     given = song_beats(song, log_mel, beats)
-    return given if given.has_bars else track_bars(song.samples, log_mel, given.times_s)
+    if given.has_bars:
+        return given
+    counts = track_bars(song.samples, log_mel, given.times_s)
+    return with_eighths(song.samples, log_mel, counts) if names_a_tracker(beats) else counts
 
 
 def names_a_tracker(beats: object) -> bool:

@@ -217,5 +217,72 @@ METRE_WEIGHTS = np.array(
     ]
 )  # (61, 5)
 
+# Log odds that beats rather than every second one are counted, of the mean repeats.
+EIGHTHS_WEIGHTS = np.array(
+    [
+        1.785,  # low accents, 2 beats
+        2.961,  # low accents, 3 beats
+        0.631,  # low accents, 4 beats
+        1.040,  # low accents, 5 beats
+        -3.020,  # low accents, 6 beats
+        0.995,  # low accents, 7 beats
+        -2.821,  # low accents, 8 beats
+        -0.588,  # low accents, 10 beats
+        1.940,  # low accents, 12 beats
+        -0.486,  # low accents, 14 beats
+        -0.258,  # high accents, 2 beats
+        3.590,  # high accents, 3 beats
+        -2.507,  # high accents, 4 beats
+        1.845,  # high accents, 5 beats
+        -2.625,  # high accents, 6 beats
+        1.867,  # high accents, 7 beats
+        -2.929,  # high accents, 8 beats
+        -1.074,  # high accents, 10 beats
+        2.341,  # high accents, 12 beats
+        -0.215,  # high accents, 14 beats
+        -1.290,  # levels, 2 beats
+        2.216,  # levels, 3 beats
+        -1.054,  # levels, 4 beats
+        0.787,  # levels, 5 beats
+        -2.288,  # levels, 6 beats
+        -0.362,  # levels, 7 beats
+        -0.895,  # levels, 8 beats
+        0.377,  # levels, 10 beats
+        1.336,  # levels, 12 beats
+        0.032,  # levels, 14 beats
+        -0.537,  # changes, 2 beats
+        0.905,  # changes, 3 beats
+        0.151,  # changes, 4 beats
+        2.392,  # changes, 5 beats
+        -2.780,  # changes, 6 beats
+        1.112,  # changes, 7 beats
+        -0.383,  # changes, 8 beats
+        -1.840,  # changes, 10 beats
+        2.487,  # changes, 12 beats
+        -0.308,  # changes, 14 beats
+        0.118,  # harmony, 2 beats
+        -2.070,  # harmony, 3 beats
+        1.021,  # harmony, 4 beats
+        0.435,  # harmony, 5 beats
+        1.631,  # harmony, 6 beats
+        1.001,  # harmony, 7 beats
+        0.598,  # harmony, 8 beats
+        1.218,  # harmony, 10 beats
+        1.074,  # harmony, 12 beats
+        0.564,  # harmony, 14 beats
+        0.917,  # timbre, 2 beats
+        0.913,  # timbre, 3 beats
+        0.132,  # timbre, 4 beats
+        -1.203,  # timbre, 5 beats
+        -0.074,  # timbre, 6 beats
+        -1.309,  # timbre, 7 beats
+        -0.896,  # timbre, 8 beats
+        0.205,  # timbre, 10 beats
+        -0.367,  # timbre, 12 beats
+        0.282,  # timbre, 14 beats
+        0.975,  # always
+    ]
+)  # (61,)
+
 # Log odds that bars are right: offset, and slope in margin (nats) over root of beats.
-CONFIDENCE = (-1.36, 4.61)
+CONFIDENCE = (-1.53, 4.12)

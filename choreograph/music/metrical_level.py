@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from choreograph.core.counts import Counts, time_at
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.bars import track_bars
+from choreograph.music._bar_weights import EIGHTHS_WEIGHTS
+from choreograph.music.bars import beat_evidence, track_bars
 
 # The instants at which the tempo or the metre of a song changes, as where other music begins.
 #
@@ -108,6 +109,8 @@ _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers coun
 # The numbers in a bar of each metre that are counted at the slower level. Half of three beats is no whole
 # count, so a bar of three has one. Bars of five and seven are counted at their own level only.
 _SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
+_EIGHTHS_BPM = (140.0, 250.0)
+_LEAST_EIGHTHS = 2.0  # log odds. Real waltzes, whose eighths are no beats, have up to 1.2
 DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 
 
@@ -143,11 +146,34 @@ def _doubled(tracked: Counts, duration_s: float) -> Counts | None:
     """The counts at double tempo, or None if they would be too fast or count 1 would lie off the bars."""
     if tracked.metre != 4 or tempo_bpm(tracked) * 2 > _FASTEST_BPM:
         return None
-    between_s = time_at(tracked.times_s, np.arange(len(tracked)) + 0.5)
-    times_s = np.stack([tracked.times_s, between_s], axis=1).ravel()
+    times_s = _twice_as_many(tracked.times_s)
     numbers = (2 * (tracked.numbers[:, None] - 1) % 4 + np.array([1, 2])).ravel()
     inside = times_s < duration_s
     return replace(tracked, times_s=times_s[inside], numbers=numbers[inside])
+
+
+def _twice_as_many(times_s: Floats) -> Floats:
+    between_s = time_at(times_s, np.arange(len(times_s)) + 0.5)
+    return np.stack([times_s, between_s], axis=1).ravel()
+
+
+def with_eighths(samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts) -> Counts:
+    """The counts of 6/8 and 7/8 on every eighth if they are tracked on every second one.
+
+    A bar of 6/8 is tracked as three beats then, and two bars of 7/8 as seven. Whether the eighths are the
+    beats follows from what repeats after two, three and more of them. Arguments and errors are those of
+    `track_bars`.
+    """
+    metre = {3: 6, 7: 7}.get(tracked.metre)
+    if metre is None or not _EIGHTHS_BPM[0] <= 2 * tempo_bpm(tracked) <= _EIGHTHS_BPM[1]:
+        return tracked
+    times_s = _twice_as_many(tracked.times_s)
+    times_s = times_s[times_s < len(samples) / SAMPLE_RATE_HZ]
+    _, repeats = beat_evidence(samples, log_mel, times_s)
+    if repeats.mean(axis=0) @ EIGHTHS_WEIGHTS[:-1] + EIGHTHS_WEIGHTS[-1] < _LEAST_EIGHTHS:
+        return tracked
+    counts = track_bars(samples, log_mel, times_s)
+    return counts if counts.metre == metre else tracked
 
 
 def choose_level(

@@ -2,12 +2,22 @@
 
 import numpy as np
 import pytest
+import soxr
 
 from choreograph.core.counts import Counts, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.bars import track_bars
 from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import between, choose_level, joined, metrical_levels, tempo_bpm
+from choreograph.music.metrical_level import (
+    between,
+    choose_level,
+    joined,
+    metrical_levels,
+    tempo_bpm,
+    with_eighths,
+)
+from choreograph.music.synthesis.song import render_song
+from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 
 
 def counted(bpm: float, metre: int = 4) -> Counts:
@@ -170,3 +180,28 @@ def test_a_beat_too_close_to_the_part_before_is_left_out():
     late = Counts(second.times_s + first.times_s[-1] + 0.1, second.numbers, 4)
     both = joined([first, late])
     assert len(both) == 63 and np.diff(both.times_s).min() > 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["jig in six 216", "aksak in seven 214"])
+def test_bars_tracked_on_every_second_eighth_are_counted_on_every_one(name):
+    song = next(song for song in BENCHMARK_SONGS if song.name == name).render()
+    samples = soxr.resample(song.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
+    mel = log_mel(samples)
+    tracked = track_bars(samples, mel, song.beat_times_s[:-1:2])
+    assert tracked.metre == (7 if song.beats_per_bar == 7 else 3)
+    counts = with_eighths(samples, mel, tracked)
+    assert counts.metre == song.beats_per_bar
+    assert np.abs(counts.downbeat_times_s[:, None] - song.bar_times_s).min(axis=1).max() < 0.01
+    assert np.abs(song.bar_times_s[1:-1, None] - counts.downbeat_times_s).min(axis=1).max() < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("genre", "bpm"), [("waltz", 90.0), ("waltz", 110.0), ("house", 110.0)])
+def test_other_songs_are_not_counted_in_eighths(genre, bpm):
+    song = render_song(genre, bpm=bpm, duration_s=40.0, seed=FIRST_SEED + 90)
+    samples = soxr.resample(song.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
+    mel = log_mel(samples)
+    tracked = track_bars(samples, mel, song.beat_times_s[:-1])
+    assert tracked.metre == song.beats_per_bar
+    assert with_eighths(samples, mel, tracked) is tracked
