@@ -13,7 +13,7 @@ from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import NET_FPS
 from choreograph.library.songs import song_counts
-from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Motion, Take
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
@@ -23,7 +23,7 @@ from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
 from choreograph.music.song import Song
 from choreograph.render.held_poses import hold_ends
-from choreograph.render.rendering import assemble
+from choreograph.render.rendering import assemble, lock_feet_at_joins
 from choreograph.render.runs import MotionReader, Run, with_transitions
 from choreograph.render.transitions import time_transitions
 
@@ -79,11 +79,11 @@ def place_pieces(
     )  # fmt: skip
     whole = [_lengthened(runs[0], 0.0, runs[0].stop_s), *runs[1:]]
     whole[-1] = _lengthened(whole[-1], whole[-1].start_s, duration_s)
-    motion, _ = assemble(
+    motion, joins = assemble(
         with_transitions(whole, timings), read_motion, fps=fps, duration_s=duration_s, blending="inertial"
     )
-    held = hold_ends(motion, opening_s, closing_s if closing_s < duration_s - 0.5 else None)
-    return lock_feet(held, shift_s=DANCE_SHIFT_S)
+    held_from_s = closing_s if closing_s < duration_s - 0.5 else None
+    return lock_feet_at_joins(hold_ends(motion, opening_s, held_from_s), joins, opening_s, held_from_s)
 
 
 def _runs(pieces: Sequence[Piece], grid: SongGrid, first_index: int, duration_s: float) -> list[Run]:

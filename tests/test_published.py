@@ -118,7 +118,7 @@ def test_a_dance_is_rendered_without_locked_feet_held_ends_or_steering(made, bui
     assert not plan.lock_feet and not plan.keep_on_stage
     joined, _ = assemble(
         plan_runs(plan), take_motions(built[0]), fps=60.0, duration_s=plan.duration_s, blending="linear",
-        keep_on_stage=False,
+        keep_on_stage=False, to_front=False,
     )  # fmt: skip
     np.testing.assert_array_equal(made.motion.local_quat, joined.local_quat)
     np.testing.assert_array_equal(made.motion.root_pos_m, joined.root_pos_m)

@@ -44,7 +44,7 @@ def lock_feet(
     contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None,
     *,
     floor_m: float = 0.0,
-    shift_s: float = TAKE_SHIFT_S,
+    shift_s: float | Floats = TAKE_SHIFT_S,
     feet_shift_m: Floats | None = None,
 ) -> Motion:
     """The motion with its feet locked where they are in contact, as far as that adds no jerk.
@@ -55,7 +55,7 @@ def lock_feet(
     contacts : float or bool array (T, 4)   contact confidence, 0 to 1, of left ankle, left foot (ball),
                                             right ankle and right foot, by default from `foot_contacts`
     floor_m : float                         height of the floor
-    shift_s : float                         time over which a foot's shift comes and goes
+    shift_s : float or float array (T,)     time over which a foot's shift comes and goes
     feet_shift_m : float array (T, 2, 3)    shifts of left and right foot to apply before, smooth in time
 
     Feet keep their world rotation, so a flat foot stays flat, and no point of a sole goes through the
@@ -98,7 +98,7 @@ def lift_frames(fps: float) -> int:
 
 
 def locking_shift(
-    points_m: Floats, contacts: Floats, fps: float, shift_s: float, given_m: Floats | None = None
+    points_m: Floats, contacts: Floats, fps: float, shift_s: float | Floats, given_m: Floats | None = None
 ) -> Floats:
     """The shift of a foot in each frame, (T, 3): the smoothest small shift that stops it in contacts.
 
@@ -115,8 +115,8 @@ def locking_shift(
     bands = np.zeros((_ORDER + 1, n_frames))
     bands[0] = pull
     _add_differences(bands, confidence.sum(axis=1) * fps**2, 1)
-    bending = pull * (shift_s * fps) ** (2 * _ORDER)
-    _add_differences(bands, np.full(n_frames - _ORDER, bending), _ORDER)
+    bending = np.broadcast_to(pull * (np.asarray(shift_s) * fps) ** (2 * _ORDER), n_frames)
+    _add_differences(bands, 0.5 * (bending[1:-2] + bending[2:-1]), _ORDER)
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.arguments import check_choice, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
@@ -17,6 +16,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
+from choreograph.music.sections import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
 from choreograph.render.held_poses import hold_ends
@@ -33,7 +33,7 @@ from choreograph.render.runs import (
     without_holes,
     words_to_runs,
 )
-from choreograph.render.transitions import blend_transition
+from choreograph.render.transitions import Joins, blend_transition, feet_at_join
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 # All runs of a dance become one motion. They are sampled from their takes, aligned, and blended at
@@ -50,8 +50,8 @@ def assemble(
     keep_on_stage: bool = True,
     to_front: bool = True,
     report: StepReport | None = None,
-) -> tuple[Motion, NDArray[np.float64]]:
-    """The dance before foot locking, and the times of its transitions in seconds.
+) -> tuple[Motion, Joins]:
+    """The dance before foot locking, and its joins.
 
     Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
     stood at the transition (the paper does not say how nodes are joined), and steered a little to face the
@@ -67,6 +67,7 @@ def assemble(
     total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
     root_out = np.empty((total, 3))
     quat_out: Floats | None = None
+    feet_m: list[tuple[int, Floats]] = []
     previous: SampledRun | None = None
     for done, run in enumerate(runs, start=1):
         sampled = sample_run(run, read_motion, fps, margin)
@@ -79,6 +80,7 @@ def assemble(
         quat_out[sampled.start : sampled.stop] = sampled.quat[rows]
         if previous is not None:
             blend_transition(previous, sampled, blending, fps, root_out, quat_out)
+            feet_m += feet_at_join(previous, sampled, fps)
         previous = sampled
         if report is not None:
             report(done, len(runs))
@@ -88,8 +90,8 @@ def assemble(
     for block in frame_blocks(total):
         quat_out[block] = rot.normalize(quat_out[block])
     motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(quat_out), fps)
-    transition_times_s = np.array([run.start_s for run in runs[1:]], np.float64)
-    return motion.sliced(0, min(n_frames, total)), transition_times_s
+    joins = Joins(np.array([run.start_s for run in runs[1:]], np.float64), tuple(feet_m))
+    return motion.sliced(0, min(n_frames, total)), joins
 
 
 # Rendering of a plan to its motion.
@@ -157,7 +159,7 @@ def render_from(
 ) -> Motion:
     """As `render`, for a plan that needs no checks, with a function that reads takes."""
     runs = plan_runs(plan)
-    motion, _ = assemble(
+    motion, joins = assemble(
         without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
         read_motion,
         fps=plan.fps,
@@ -168,13 +170,24 @@ def render_from(
         report=part(report, 0, 70, _STEPS),
     )
     motion = hold_ends(motion, plan.opening_s, plan.closing_s)
-    motion = lock_feet(motion, shift_s=DANCE_SHIFT_S) if plan.lock_feet else motion
+    if plan.lock_feet:
+        motion = lock_feet_at_joins(motion, joins, plan.opening_s, plan.closing_s)
     if existing is not None:
         stretches = stretch_frames(plan.kept_spans_s, motion.fps, motion.n_frames)
         motion = fill_gaps(of_length(existing, motion.n_frames), motion, stretches)
     if report is not None:
         report(_STEPS, _STEPS)
     return motion
+
+
+def lock_feet_at_joins(
+    motion: Motion, joins: Joins, opening_s: float = 0.0, closing_s: float | None = None
+) -> Motion:
+    """The motion with its feet locked, firmly near joins between the held poses."""
+    from_s = setting_off_s(opening_s)[1]
+    to_s = motion.duration_s if closing_s is None else coming_to_rest_s(opening_s, closing_s)[0]
+    contacts = joins.contacts(motion, from_s, to_s)
+    return lock_feet(motion, contacts, shift_s=joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
 
 
 def _check_existing(plan: Plan, existing: Motion | None) -> None:
@@ -231,8 +244,8 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
         repertoire.take_index(word.take)
     knots_s = np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1)
     runs = overlay_runs([Run("", 0.0, end_s, knots_s)], _runs_of_words(words))
-    made, _ = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
-    return lock_feet(made, shift_s=DANCE_SHIFT_S)
+    made, joins = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
+    return lock_feet_at_joins(made, joins)
 
 
 def plan_runs(plan: Plan) -> list[Run]:

@@ -9,11 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
+from scipy.special import expit
 
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
+from choreograph.motion.body import BODY_JOINTS, body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
 
 # Keeping a dance near the middle of the stage, by small extra rotations at transitions.
@@ -187,6 +188,12 @@ def _knots_s(start_s: float, stop_s: float) -> Floats:
 
 
 # take, first and last time -> the motion around them and the time of its first frame
+_PELVIS_WEIGHT = 0.3  # of the place of the pelvis, where 1 is that of a foot on the floor
+_ANKLE_M, _BALL_M = 0.07, 0.015  # heights of a foot that stands flat
+_LOW_M, _LOW_WIDTH_M = 0.05, 0.012  # above them, where a foot is as likely in the air
+_FEET = [
+    (BODY_JOINTS.index(f"{side}_ankle"), BODY_JOINTS.index(f"{side}_foot")) for side in ("left", "right")
+]
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 
@@ -270,5 +277,17 @@ def align_to(
 
 
 def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
-    """The shift (3,) that brings a body (21, 3), once rotated, to where another one stands."""
-    return ground_pos_m(before) - rot.rotate(rot.about_y(yaw_rad), ground_pos_m(after))
+    """The shift (3,) that brings a body (21, 3), once rotated, to where another one stands.
+
+    Feet that are on the floor in both bodies come to the same place, as far as their distance is the same.
+    Otherwise they would slide while the bodies are blended. Without such feet, the pelvises do.
+    """
+    turned = rot.rotate(rot.about_y(yaw_rad), after)
+    apart_m = [ground_pos_m(before) - ground_pos_m(turned)]
+    weights = [_PELVIS_WEIGHT]
+    for ankle, ball in _FEET:
+        apart_m.append((before[[ankle, ball]] - turned[[ankle, ball]]).mean(axis=0) * [1.0, 0.0, 1.0])
+        heights_m = [min(body[ankle, 1] - _ANKLE_M, body[ball, 1] - _BALL_M) for body in (before, after)]
+        weights.append(float(expit((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
+    shift_m: Floats = np.average(apart_m, axis=0, weights=weights)
+    return shift_m

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
-from choreograph.core.timebase import seconds_to_frames
+from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.contacts import CONTACT_JOINTS, FLOOR_PERCENT, contacts_above, foot_contacts
+from choreograph.motion.motion import Motion
 from choreograph.render.runs import MotionReader, Run, SampledRun, TransitionTiming, alignment_at, sample_run
 from choreograph.settings import TRANSITION_LENGTHS_S
 
@@ -180,6 +185,57 @@ def _with_offsets(
         for _, rate, acceleration in (shift, turn)
     )
     return apply_offset(root, quat, *rates)
+
+
+# Feet at the joins. The two takes of a join have their feet in different places, and feet that stand in both
+# takes move while these are blended. To lock them, their contacts are those of the takes.
+
+
+_BLENDED_S = 0.65  # to each side of a join: a little more than the longest transition
+_LOCKED_S = 0.35  # closer to a join than this, feet are locked firmly,
+_FIRM_SHIFT_S = 0.06  # by shifts that come and go quickly
+_EASE_S = 0.3  # from there to the slow shifts of the rest of the dance
+_CONTACT_EASE_S = 0.04
+_FEET = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]
+
+
+@dataclass(frozen=True, eq=False)
+class Joins:
+    """When the takes of a dance change, and where the feet of both takes are there."""
+
+    times_s: Floats  # (B,)
+    feet_m: tuple[tuple[int, Floats], ...]  # first dance frame, and `CONTACT_JOINTS` (n, 4, 3) of a take
+
+    def contacts(self, motion: Motion, from_s: float, to_s: float) -> Floats:
+        """Contacts of a motion (T, 4), and near joins between two times also those of its takes."""
+        body_m = body_pos_m(motion)
+        floor_m = np.percentile(body_m[:, _FEET, 1], FLOOR_PERCENT, axis=0)
+        of_takes = np.zeros((motion.n_frames, 4))
+        for first, feet_m in self.feet_m:
+            rows = of_takes[first : first + len(feet_m)]
+            rows[:] = np.maximum(rows, contacts_above(feet_m, floor_m, motion.fps)[: len(rows)])
+        of_takes = gaussian_filter1d(of_takes, _CONTACT_EASE_S * motion.fps, axis=0)
+        times_s = frame_times_s(motion.n_frames, motion.fps)
+        of_takes[(times_s < from_s) | (times_s > to_s)] = 0.0
+        contacts: Floats = np.maximum(foot_contacts(body_m, motion.fps), of_takes).clip(0.0, 1.0)
+        return contacts
+
+    def shift_s(self, n_frames: int, fps: float, usual_s: float) -> Floats:
+        """How quickly shifts of locked feet come and go (T,): as usual, and quickly near joins."""
+        times_s = frame_times_s(n_frames, fps)
+        near = np.zeros(n_frames)
+        for at_s in self.times_s:
+            away = np.clip((np.abs(times_s - at_s) - _LOCKED_S) / _EASE_S, 0.0, 1.0)
+            near = np.maximum(near, 1.0 - away * away * (3.0 - 2.0 * away))
+        shift_s: Floats = usual_s * (_FIRM_SHIFT_S / usual_s) ** near
+        return shift_s
+
+
+def feet_at_join(a: SampledRun, b: SampledRun, fps: float) -> list[tuple[int, Floats]]:
+    """The feet of both runs beside the start of b, as in `Joins`."""
+    reach = seconds_to_frames(_BLENDED_S, fps)
+    spans = (a, max(a.start, b.start - reach), b.start), (b, b.start, min(b.stop, b.start + reach))
+    return [(first, run.bodies_m[run.rows(first, stop)][:, _FEET]) for run, first, stop in spans]
 
 
 # The time at which each run replaces the one before it, and the length of the transition.

@@ -53,8 +53,8 @@ def test_seconds_that_follow_one_another_are_one_run():
 
 @pytest.mark.parametrize("blending", get_args(Blending))
 def test_one_run_is_the_take_itself(blending):
-    made, transition_times_s = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
-    assert len(transition_times_s) == 0
+    made, joins = assembled(["sway"] * 3, seconds(4.0, 5.0, 6.0), blending=blending)
+    assert len(joins.times_s) == 0
     assert np.allclose(made.joint_pos_m(), TAKES["sway"].sliced(240, 420).joint_pos_m(), atol=1e-6)
 
 
@@ -65,8 +65,8 @@ def test_a_transition_of_a_take_to_itself_changes_nothing(blending):
         Run("sway", 0.0, 2.0, np.arange(4.0, 6.001, 0.05)),
         Run("sway", 2.0, 4.0, np.arange(6.0, 8.001, 0.05)),
     ]
-    made, transition_times_s = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
-    assert transition_times_s.tolist() == [2.0]
+    made, joins = assemble(runs, read_motion, fps=60.0, duration_s=4.0, blending=blending)
+    assert joins.times_s.tolist() == [2.0]
     assert np.abs(made.joint_pos_m() - TAKES["sway"].sliced(240, 480).joint_pos_m()).max() < 1e-3
 
 
@@ -91,7 +91,8 @@ def test_a_run_is_aligned_with_the_one_before(blending, second_take):
     body = body_pos_m(made)
     alone = body_pos_m(TAKES["sway"].sliced(180, 301))
     at = 120
-    assert np.linalg.norm(ground_pos_m(body[at]) - ground_pos_m(alone[at])) < 0.05
+    apart_m = np.linalg.norm(ground_pos_m(body[at]) - ground_pos_m(alone[at]))
+    assert apart_m < (0.15 if second_take == "step" else 0.05)  # whose feet stand, and meet those before
     turn = np.angle(np.exp(1j * (heading_rad(body[at]) - heading_rad(alone[at]))))
     assert abs(turn) < 0.15
     # Heights are the take's: nobody sinks or floats.
@@ -125,10 +126,8 @@ def jerk(motion):
 
 @pytest.mark.parametrize("blending", get_args(Blending))
 def test_transitions_are_continuous(blending):
-    made, transition_times_s = assembled(
-        ["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending
-    )
-    assert transition_times_s.tolist() == [1.0, 2.0, 3.0]
+    made, joins = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9), blending=blending)
+    assert joins.times_s.tolist() == [1.0, 2.0, 3.0]
     step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # fastest joint, m/s
     assert step.max() < 8.0  # a hard cut between these poses is dozens of metres per second
     assert (np.sum(made.local_quat[1:] * made.local_quat[:-1], axis=-1) > 0.9).all()
@@ -136,13 +135,13 @@ def test_transitions_are_continuous(blending):
 
 
 def test_inertialization_is_smooth_where_a_hard_cut_is_not():
-    made, transition_times_s = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
+    made, joins = assembled(["sway", "other", "step", "slow"], seconds(3, 7, 2, 9))
     cut = [TAKES[take].resampled(60.0) for take in ("sway", "other", "step", "slow")]
     cut_pos = [body_pos_m(m)[60 * s : 60 * s + 60] for m, s in zip(cut, (3, 7, 2, 9), strict=True)]
     for before, after in itertools.pairwise(cut_pos):
         after -= ground_pos_m(after[0]) - ground_pos_m(before[-1])
     hard = np.sqrt(((np.diff(np.concatenate(cut_pos), n=3, axis=0) * 60**3) ** 2).mean(axis=(1, 2)))
-    near = (np.abs(np.arange(len(hard))[:, None] / 60 - transition_times_s) < 0.12).any(axis=1)
+    near = (np.abs(np.arange(len(hard))[:, None] / 60 - joins.times_s) < 0.12).any(axis=1)
     assert jerk(made)[near].max() < 0.02 * hard[near].max()
 
 
@@ -203,8 +202,8 @@ def test_short_runs_are_blended_smoothly_and_keep_their_middles(blending):
     starts = np.arange(0.0, 6.0, 0.4)
     takes = ["sway", "other", "step"] * 5
     runs = [Run(t, s, s + 0.4, np.linspace(s + 2, s + 2.4, 9)) for t, s in zip(takes, starts, strict=True)]
-    made, transition_times_s = assemble(runs, read_motion, fps=60.0, duration_s=6.0, blending=blending)
-    assert transition_times_s == pytest.approx(starts[1:])
+    made, joins = assemble(runs, read_motion, fps=60.0, duration_s=6.0, blending=blending)
+    assert joins.times_s == pytest.approx(starts[1:])
     assert made.n_frames == 360
     step = np.linalg.norm(np.diff(body_pos_m(made), axis=0), axis=2).max(axis=1) * 60  # m/s
     assert step.max() < 12.0
