@@ -23,7 +23,7 @@ from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-plan"
 VERSION = 1
-_ANEW = "make it anew with `choreograph dance SONG -o plan.json`"
+_AGAIN = "make it again with `choreograph dance SONG -o plan.json`"
 _SETTINGS = ("planner", "blending", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
 _TOUCH_S = 1e-3  # largest distance between words without a gap
@@ -73,7 +73,7 @@ class Block:
 
     @property
     def kept(self) -> str:
-        """The dance from which it is kept, or empty if it is danced anew."""
+        """The dance from which it is kept, or empty if it is not kept."""
         return self.planned.kept if isinstance(self.planned, PlannedWord) else ""
 
     @property
@@ -204,7 +204,7 @@ class Plan:
         try:
             text = self.to_json()
         except (TypeError, ValueError, RecursionError) as error:
-            raise ParameterError(f"expected a plan that JSON can hold, got another: {error}") from None
+            raise ParameterError(f"expected a plan that JSON can contain, got another: {error}") from None
         self.from_json(text)
 
     @classmethod
@@ -259,7 +259,7 @@ class Plan:
                 f"none, got {len(self.music_beat_numbers)}"
             )
         if self.seconds and self.engine in ("mixer", "rollout"):
-            yield f"expected words alone of the {self.engine} engine, got {len(self.seconds)} seconds"
+            yield f"expected only words of the {self.engine} engine, got {len(self.seconds)} seconds"
         if (self.seconds or self.engine == "graph") and len(self.seconds) < self.duration_s:
             yield f"expected seconds for {self.duration_s} s, got {len(self.seconds)}"
         yield from self._faults_of_words()
@@ -288,13 +288,13 @@ class Plan:
                 )
             done_s = word.end_s
         if not self.seconds and done_s < self.duration_s - _TOUCH_S:
-            yield f"expected words to {self.duration_s:g} s, got some to {done_s:g} s"
+            yield f"expected words until {self.duration_s:g} s, got words until {done_s:g} s"
 
     def _faults_of_kept(self, word: PlannedWord, where: str) -> Iterator[str]:
         if word.take:
             yield f"{where}: expected no take where {word.kept} is kept, got {word.take!r}"
         if word.kept != self.kept_of:
-            yield f"{where}: expected parts kept of {self.kept_of} alone, got {word.kept!r}"
+            yield f"{where}: expected kept parts of {self.kept_of} only, got {word.kept!r}"
         if abs(word.source_start_s - word.start_s) > _TOUCH_S:
             yield (
                 f"{where}: expected {word.kept} kept where it is danced, at {word.start_s:g} s, got its part "
@@ -333,7 +333,7 @@ def _of_this_version(data: Any, name: str) -> dict[str, Any]:
     version = data.get("version")
     if version != VERSION or isinstance(version, bool):
         got = reprlib.repr(version)
-        raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got version {got}: {_ANEW}")
+        raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got version {got}: {_AGAIN}")
     return {key: value for key, value in data.items() if key not in ("format", "version")}
 
 
@@ -377,7 +377,7 @@ def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = (
         if key in except_for:
             continue
         if key not in data:
-            raise FormatError(f"{where}: expected a key {key}, got none: {_ANEW}")
+            raise FormatError(f"{where}: expected a key {key}, got none: {_AGAIN}")
         value = data[key]
         if not _IS_A[declared](value):
             raise FormatError(f"{where}: expected {key} as {declared}, got {reprlib.repr(value)}")

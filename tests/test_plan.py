@@ -89,7 +89,7 @@ def test_bars_and_held_poses_round_trip():
 def test_other_versions_are_refused_with_the_command_that_makes_a_plan_anew(version):
     text = json.dumps({**json.loads(PLAN.to_json()), "version": version})
     expected = (
-        rf"of version 1, got version {version}: make it anew with `choreograph dance SONG -o plan\.json`"
+        rf"of version 1, got version {version}: make it again with `choreograph dance SONG -o plan\.json`"
     )
     with pytest.raises(FormatError, match=expected):
         Plan.from_json(text)

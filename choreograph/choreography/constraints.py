@@ -327,7 +327,7 @@ def read_motifs(path: str | Path) -> tuple[int, ...] | tuple[MotifPin, ...]:
     if isinstance(data, dict) and data.get("format") == PLAN_FORMAT:
         plan = Plan.read(path)
         if not plan.words:
-            raise FormatError(f"{path}: expected a plan of motifs, got one of seconds alone")
+            raise FormatError(f"{path}: expected a plan of motifs, got one that has only seconds")
         if not plan.seconds:
             return tuple(word.motif for word in plan.words)
         return tuple(MotifPin((word.start_s + word.end_s) / 2, word.motif) for word in plan.words)

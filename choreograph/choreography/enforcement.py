@@ -128,10 +128,10 @@ def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
     at = f"{constraints.bounds_s[slot]:.1f} s"
     if slot in constraints.motifs:
         return (
-            f"no word of motif {constraints.motifs[slot]} can be danced at {at} so that it stays that motif: "
-            "pin it elsewhere, or another"
+            f"no word of motif {constraints.motifs[slot]} can be danced at {at} without becoming another "
+            "motif: pin it at another time, or pin another motif"
         )
-    return f"no word can be danced at {at} that is none of the banned motifs: ban fewer"
+    return f"no word without a banned motif can be danced at {at}: ban fewer motifs"
 
 
 def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:

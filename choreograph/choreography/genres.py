@@ -20,7 +20,7 @@ from choreograph.music.sections import Sections
 from choreograph.music.song_features import SongFeatures
 
 _NEAREST = "no genre given: the dance follows {}, by style, tempo and metre"
-_FALLBACK = "no genre given: the style decides on none, and the dance follows all takes together"
+_FALLBACK = "no genre given: the style suggests none, and the dance follows the takes of all genres"
 # Losses of one second. The style alone makes at most 0.5.
 _PER_DISTANCE = 0.025  # loss per squared distance. Neighbouring seconds have similar distances
 _FAR = 20.0  # limit of squared distance beyond the nearest genre's: a few seconds do not decide for a section

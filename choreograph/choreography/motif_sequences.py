@@ -186,8 +186,8 @@ def draw_motifs_of_parts(
 ) -> NDArray[np.int64]:
     """A dance whose parts have goals of their own, (N,): `draw_motifs` for each part, in order.
 
-    `parts` (N,) is the index of the goal of each word. Motifs are counted anew where a part begins. Raises as
-    `draw_motifs`.
+    `parts` (N,) is the index of the goal of each word. The count of motifs restarts where a part begins.
+    Raises as `draw_motifs`.
     """
     motifs = np.empty(len(parts), np.int64)
     borders = np.flatnonzero(np.diff(parts)) + 1

@@ -29,7 +29,7 @@ _TOUCH_S = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class KeptDance:
-    """A dance of which some parts are kept. The gaps between them are planned anew."""
+    """A dance of which some parts are kept. The gaps between them are planned again."""
 
     motion: Motion  # (T frames) the whole dance, at the rate of the new one
     stretches: tuple[Keep, ...]  # in order, disjoint
@@ -102,7 +102,7 @@ def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], 
     if not too_short:
         return stretches, ()
     return stretches, (
-        f"{' and '.join(too_short)} of the existing dance are kept: too short to be planned anew",
+        f"{' and '.join(too_short)} of the existing dance are kept: too short to be planned again",
     )
 
 

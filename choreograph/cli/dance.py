@@ -48,7 +48,7 @@ Maker = Callable[[Job, "ProgressReport"], "list[Dance]"]
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --engine mixer --genre waltz --set planner=greedy",
         "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
-        "choreograph dance song.mp3 --existing a.bvh --keep 0-12 --keep 20-40   only 12 to 20 s anew",
+        "choreograph dance song.mp3 --existing a.bvh --keep 0-12 --keep 20-40   plans 12 to 20 s again",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh     renders an edited plan",
     ),
 )

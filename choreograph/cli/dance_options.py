@@ -70,7 +70,7 @@ _CONSTRAINTS = (
     ),
     optgroup.option(
         "--keep", cls=_Planned, multiple=True, metavar="FROM-TO",
-        help="Keep these seconds of the --existing dance, and plan the rest anew. Repeatable.",
+        help="Keep these seconds of the --existing dance, and plan the rest again. Repeatable.",
     ),
     optgroup.option(
         "--existing", type=_FILE, help="The dance to keep parts of: .bvh, .npz or a plan (.json)."

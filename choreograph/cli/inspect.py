@@ -71,9 +71,7 @@ def command(
     if sum(option is not None for option in (signature, counts)) != (output is not None):
         raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
     if output is not None and (as_json or plots is not None):
-        raise ParameterError(
-            "expected --signature or --counts with -o alone, got --json or --plots beside it"
-        )
+        raise ParameterError("expected only -o with --signature or --counts, got --json or --plots as well")
     if output is not None:
         suffix, option = (".json", "--signature") if signature is not None else (".csv", "--counts")
         if output.suffix.lower() != suffix:

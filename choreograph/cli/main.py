@@ -41,7 +41,7 @@ def report_crash(kind: type[BaseException], error: BaseException, trace: Traceba
         print(traced, end="", file=sys.stderr)
         return
     said = " ".join(str(error).split())
-    where = f"a fault of this program, or of this machine? The traceback is in {log}"
+    where = f"this is a bug, or a problem of this machine. The traceback is in {log}"
     shown = line_of(f"choreograph: unexpected {kind.__name__}{': ' if said else ''}{said}: {where}")
     print(shown, file=sys.stderr)
 
@@ -120,7 +120,7 @@ class _Commands(click.Group):
             if error.errno != errno.ENAMETOOLONG:
                 raise
             say(
-                f"choreograph: {error.filename}: expected a name that this system allows, got a longer one",
+                f"choreograph: {error.filename}: expected a name that this system allows, got a too long one",
                 err=True,
             )
             sys.exit(2)

@@ -258,8 +258,8 @@ def check_output_options(outputs: Sequence[Path]) -> tuple[str, ...]:
             )
         if option == "character" and asked and {"usda", "usdc"} & set(unused):
             raise ParameterError(
-                "expected no USD file beside --character, got one: characters dance in "
-                f"{_suffixes(used_by(option), 'and')} alone"
+                "expected no USD file with --character, got one: characters are only "
+                f"written to {_suffixes(used_by(option), 'and')}"
             )
         if asked and unused:
             without.setdefault(unused, []).extend(asked)

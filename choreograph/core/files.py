@@ -229,7 +229,7 @@ def check_regular(path: str | Path, what: str) -> Path:
         raise FormatError(f"{path}: expected {what}, could not find it: {reason}") from error
     if not stat.S_ISREG(mode):
         kind = _KINDS.get(stat.S_IFMT(mode), "something else")
-        raise FormatError(f"{path}: expected {what}, got {kind}: name a file, not what a program writes to")
+        raise FormatError(f"{path}: expected {what}, got {kind}: name a regular file")
     return path
 
 

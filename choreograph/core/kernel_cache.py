@@ -94,7 +94,7 @@ def kernel_cache() -> Iterator[None]:
 @lru_cache(maxsize=1)
 def _why_not_replaced() -> str | None:
     """The first private name of numba that is not as expected, or None if all are."""
-    version = f"numba {numba.__version__} is not one of those that are known"
+    version = f"numba {numba.__version__} is not a known version"
     for path, parameters in _PRIVATE.items():
         found = _private(path)
         if not callable(found) or list(inspect.signature(found).parameters) != parameters:

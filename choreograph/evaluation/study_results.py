@@ -65,7 +65,7 @@ class StudyKey:
 def read_key(path: Path) -> StudyKey:
     """The key of a study. `FormatError` if it is missing or damaged."""
     data = _read_json(path, "the key of a rating study")
-    _check_format(path, data, KEY_FORMAT, "make the study anew with `choreograph study write`")
+    _check_format(path, data, KEY_FORMAT, "make the study again with `choreograph study write`")
     questions, dances, study = data.get("questions"), data.get("dances"), data.get("study")
     known = {question.id for question in QUESTIONS}
     if not (isinstance(questions, list) and all(q in known for q in map(str, questions))):

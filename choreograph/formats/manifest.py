@@ -135,9 +135,9 @@ def _why_skipped(path: Path, *, is_below: bool) -> str:
     if suffix in motion_suffixes():
         return "in subfolders, which are not read: pass them by themselves"
     if suffix in SONG_SUFFIXES:
-        return "music of no take"
+        return "music that belongs to no take"
     if suffix in VIDEO_SUFFIXES:
-        return "video without sound, or with a song or without a motion of its name"
+        return "video without sound or without a motion of its name, or beside a song of its name"
     if path.name.lower().endswith(COUNTS_SUFFIX):
         return "counts without a motion of that name"
     if suffix == ".pkl" and not is_below:

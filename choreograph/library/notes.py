@@ -67,7 +67,7 @@ KINDS: dict[str, NoteKind] = {
     "song": NoteKind("{text}", "song"),
     "longer than song": NoteKind("the motion continues without music for {over_s:.2f} s after its song"),
     "counts beside beats": NoteKind(
-        "counts lie beside the beats of the song, audio_offset_s would have to change by {offset_s:+.2f} s"
+        "counts are not on the beats of the song, audio_offset_s would have to change by {offset_s:+.2f} s"
     ),
     "no music beats": NoteKind("no beats were found in the music, so motion words follow motion beats"),
     "style begins": NoteKind("training of style begins with {networks}", ""),

@@ -104,9 +104,9 @@ NOTES: dict[str, tuple[str, str]] = {
 OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES}
 
 # A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
-# delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), anew every `DELTA_RESTART` rows, and stored
-# as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` state the encoding. Joint
-# rotations are exact to 0.03 degrees and positions to half a millimetre.
+# delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), restarted every `DELTA_RESTART` rows, and
+# stored as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` state the encoding.
+# Joint rotations are exact to 0.03 degrees and positions to half a millimetre.
 QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights

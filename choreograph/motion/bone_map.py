@@ -381,5 +381,7 @@ def _of_vrm(human_bones: Mapping[str, int]) -> dict[str, int]:
                 bones[f"{side}_{part}"] = human_bones[f"{side}{name}"]
     missing = [name for name in (*REQUIRED, "pelvis") if name not in bones]
     if missing:
-        raise ParameterError(f"expected a humanoid VRM, its own list of bones lacks {', '.join(missing)}")
+        raise ParameterError(
+            f"expected a humanoid VRM, got one whose list of bones lacks {', '.join(missing)}"
+        )
     return bones

@@ -65,8 +65,9 @@ _FLAT_SHARE = 0.1  # of the frames, with the lowest heel: there the foot is flat
 def joint_centres(markers: Markers) -> tuple[Floats, tuple[str, ...]]:
     """Positions (T, R, 3) in metres of joints and landmarks, and their R names, for `fit_positions`.
 
-    `markers` are those of one take, since they are placed anew for each. They are `REQUIRED_MARKERS`, and
-    optionally "LMT5", "LFIN", "RMT5" and "RFIN". Raises `ParameterError` if a required marker is missing.
+    `markers` are those of one take, since markers are attached again for each take. They are
+    `REQUIRED_MARKERS`, and optionally "LMT5", "LFIN", "RMT5" and "RFIN". Raises `ParameterError` if a
+    required marker is missing.
     """
     missing = [name for name in REQUIRED_MARKERS if name not in markers]
     if missing:

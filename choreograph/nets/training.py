@@ -2,7 +2,7 @@
 
 The random numbers of a step depend only on the seed and the step's number. So a checkpoint needs no generator
 state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one. A checkpoint
-of other takes, songs or options is not continued, nor is a damaged one. Training then begins anew, with a
+of other takes, songs or options is not continued, nor is a damaged one. Training then starts again, with a
 note that states the reason.
 """
 
@@ -232,7 +232,7 @@ class _Run:
             why_not = self._restored_unless()
             if not why_not:
                 return
-            self.context.note(f"{self.checkpoint.name}: training of {self.name} begins anew: {why_not}")
+            self.context.note(f"{self.checkpoint.name}: training of {self.name} starts again: {why_not}")
         with writing(self.log):
             self.log.write_text("", encoding="utf-8")
 

@@ -204,7 +204,7 @@ def dance(
         sequence is danced by the mixer, unless another engine is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
-    keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are danced anew
+    keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are planned again
     existing : a dance to the same part of the song, as made by `dance` or as a .bvh, .npz or plan file
     costs : custom costs beside the built-in ones, with the weight 1 unless given. Graph engine only
     start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
@@ -278,8 +278,8 @@ def _check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
     given = sorted(unused & set(weights))
     if planner == "motion-graph" and given:
         raise ParameterError(
-            f"expected the planner exact or greedy beside a weight of {given[0]!r}, got motion-graph, which "
-            "walks by transition, stillness and costs of yours alone"
+            f"expected the planner exact or greedy with a weight of {given[0]!r}, got motion-graph, which "
+            "uses only transition, stillness and your own costs"
         )
 
 

@@ -28,7 +28,7 @@ def test_stretches_are_in_order_and_reach_the_ends():
 def test_what_is_left_at_an_end_is_kept_if_it_is_too_short():
     found = kept((6.0, 11.5))
     assert [str(k) for k in found.stretches] == ["6-12"] and found.frames == [(180, 360)]
-    assert found.notes == ("the last 0.50 s of the existing dance are kept: too short to be planned anew",)
+    assert found.notes == ("the last 0.50 s of the existing dance are kept: too short to be planned again",)
     assert [str(k) for k in kept((1.0, 10.9)).stretches] == ["1-10.9"] and not kept((1.0, 10.9)).notes
     with pytest.raises(ParameterError, match="all of it is kept"):
         kept((0.9, 11.5))

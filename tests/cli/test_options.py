@@ -102,7 +102,7 @@ def test_an_option_of_files_is_used_refused_or_noted(notes_of, option):
         if len(unused) == len(suffixes):
             assert_one_line(result, says=f" for {option}, got ")
         elif option == "--character" and {"usda", "usdc"} & set(unused):
-            assert_one_line(result, says="expected no USD file beside --character")
+            assert_one_line(result, says="expected no USD file with --character")
         else:
             assert result.exit_code == 0, result.output
             assert notes == [f"{option} has no effect on .{suffix}" for suffix in unused]

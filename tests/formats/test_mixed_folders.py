@@ -76,7 +76,7 @@ def test_all_layouts_of_a_folder_are_read_and_the_rest_is_named(tmp_path, no_ble
     assert [takes[name].credits.genre for name in "ae"] == ["waltz", "house"]
     assert takes["e"].credits.source.startswith("AMASS")  # what a row leaves empty stays
     reasons = {
-        "f.fbx": "Blender", "tune.mp3": "music of no take", "scene.blend": "Blender scene",
+        "f.fbx": "Blender", "tune.mp3": "music that belongs to no take", "scene.blend": "Blender scene",
         "shape.npz": "SMPL poses", "other.counts.csv": "without a motion", "manifest.xlsx": "CSV",
         "poses.pkl": "AIST", "below/g.bvh": "subfolders",
     }  # fmt: skip

@@ -57,7 +57,7 @@ def swap(one, other):
 
 
 def anew(notes) -> list[str]:
-    return [note for note in notes if "begins anew" in note]
+    return [note for note in notes if "starts again" in note]
 
 
 def another_motion(folder):
@@ -98,7 +98,7 @@ def test_resuming_with_anything_else_trains_anew_and_says_what_changed(folder, t
         assert resumed.path.read_bytes() == fresh.path.read_bytes()
     told = anew(notes)
     assert [note.split(": ")[1] for note in told] == [
-        f"training of {net} begins anew" for net in ("style", "words")
+        f"training of {net} starts again" for net in ("style", "words")
     ]
     assert all(named in note for note in told)
 

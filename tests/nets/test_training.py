@@ -138,7 +138,7 @@ def test_checkpoint_of_anything_else_is_begun_anew_and_said_so(tmp_path, change,
     _run(resumed, tmp_path, resume=True, notes=notes, **(given | change))
     assert _equal(afresh, resumed)
     [note] = notes
-    assert note.startswith("toy.pt: training of toy begins anew") and named in note
+    assert note.startswith("toy.pt: training of toy starts again") and named in note
     assert len((tmp_path / "toy.jsonl").read_text().splitlines()) == change.get("steps", 60)
     _run(_module(), tmp_path, resume=True, notes=notes, **(given | change))
     assert len(notes) == 1  # the checkpoint is now of the same
@@ -203,7 +203,7 @@ def test_damaged_checkpoint_is_named_and_begun_anew(tmp_path, kind):
     assert (
         path.name in note
         and str(tmp_path) not in note
-        and "begins anew: the checkpoint is damaged" in note
+        and "starts again: the checkpoint is damaged" in note
         and "\n" not in note
     )
     assert not (tmp_path / "executed").exists()

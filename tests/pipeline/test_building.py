@@ -45,7 +45,7 @@ def test_the_rollout_learns_from_graph_dances_unless_told_otherwise(folder, monk
     # A checkpoint of a network that was taught is not continued without its teacher.
     untaught = cg.build(folder, folder.parent / "taught.h5", resume=True, rollout_teacher=False, **settings)
     assert np.array_equal(weights(untaught), weights(alone))
-    assert any("training of rollout begins anew" in note for note in untaught.notes)
+    assert any("training of rollout starts again" in note for note in untaught.notes)
 
 
 def test_no_dances_are_made_where_no_rollout_is_trained(folder, tmp_path, monkeypatch):

@@ -102,7 +102,7 @@ class GraphEngine:
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
             clips = counted(repertoire.n_clips, "clip")
-            notes = (f"{clips}, fewer than {config.candidates} candidates: all take part",)
+            notes = (f"{clips}, fewer than {config.candidates} candidates: all are used",)
         if note := _unaligned_note(request):
             notes = (*notes, note)
         goals, goal_notes = _goals(request)
@@ -152,8 +152,8 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
     ]
     if len(set(names)) != len(names):
         raise ParameterError(
-            f"expected costs with a name each, but two share a name among {', '.join(names)}: give yours its "
-            "own `name`"
+            f"expected a different name for each cost, but two share one among {', '.join(names)}: give "
+            "yours its own `name`"
         )
     given = {"front": 0.0, **config.weights} if config.front == "free" else config.weights
     return resolve_weights(given, names)

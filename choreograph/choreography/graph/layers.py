@@ -93,7 +93,7 @@ class Layer:
     last_velocity_m_s: AnyFloats  # (N, 21, 3)
     motifs: AnyInts  # (N, W) of the node's words, in order, padded with -1. W = 0 if no cost uses motifs
     motif_counts: AnyInts  # (N, M) of each motif along the cheapest path to the node. M = 0 likewise
-    new_goal: bool = False  # motifs are counted anew from this second on
+    new_goal: bool = False  # the count of motifs restarts at this second
 
     __repr__ = one_line
 
@@ -198,7 +198,7 @@ class LayerSource:
     tie_break_s : float array (takes,)     recent usage that each take starts with. None if it is not counted
     motifs : int array (S, K, 4, W)        of each node, see `node_motifs`. None if no cost uses motifs
     n_motifs : number of motifs in the vocabulary
-    goal_starts : seconds from which motifs are counted anew
+    goal_starts : seconds at which the count of motifs restarts
     join_times_s : float array (S + 5,)    when takes may change around each second, by default on the second
     """
 

@@ -211,7 +211,7 @@ def _unmet(dance: _Rollout, constraints: ResolvedConstraints) -> tuple[str, ...]
             others.append(there)
     if others:
         lines.append(
-            f"expected {len(constraints.motifs)} motifs as given, but {len(others)} are danced as others "
+            f"expected {len(constraints.motifs)} motifs as given, but {len(others)} are danced as other ones "
             f"({', '.join(others[:3])}{', …' if len(others) > 3 else ''}): use --engine mixer"
         )
     return tuple(lines)

@@ -56,7 +56,7 @@ class MotifStream:
 
     Before and after the counts of the song, words are evenly spaced. A motif is drawn only if it has a word
     on the count where the next word begins. `need` is the reading of equation 5, as in
-    `choreography.motif_sequences.draw_motifs`. Setting `genre` begins its signature anew. Raises
+    `choreography.motif_sequences.draw_motifs`. Setting `genre` restarts its signature. Raises
     `ParameterError` for an unknown genre, and `RepertoireError` without motifs.
     """
 

@@ -244,7 +244,7 @@ export function clockText(timeS, tenths) {
 }
 
 // A cleared canvas context that draws in CSS pixels. Not accelerated: it is drawn once and then belongs to the
-// page's static background, while an accelerated layer would be composited anew every frame.
+// page's static background, while an accelerated layer would be composited again in every frame.
 function fitted(canvas, width, height) {
   const ratio = devicePixelRatio || 1;
   canvas.width = Math.round(width * ratio);
