@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints, Keep, MotifPin, TakePin
 from choreograph.choreography.material import Material
+from choreograph.choreography.motif_sequences import UNKNOWN, bar_positions, possible_motifs, word_positions
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.library.repertoire import Repertoire
@@ -22,6 +23,8 @@ from choreograph.render.rendering import LENGTH_SLACK_S
 # A dance with parts that are kept in another one.
 
 
+_FEWEST_GIVEN = 8  # motifs of which the counts are compared
+_LATEST_SLOT = 8  # before which a given sequence of motifs begins: a bar, or two of four counts
 SHORTEST_GAP_S = 2.0  # two transitions of half a second, and a second between them
 _SHORTEST_END_S = 1.0  # before or after all kept parts: one transition, and half a second beside it
 _TOUCH_S = 1e-6
@@ -132,6 +135,7 @@ class ResolvedConstraints:
     take_allowed: NDArray[np.bool_]  # (takes,) that are not banned
     take_wanted: NDArray[np.bool_]  # (N, takes) those of them that words are chosen from, if these have any
     motif_banned: NDArray[np.bool_]  # (K,), empty without a vocabulary
+    first_given: int = 0  # slot of the first motif of a given sequence
 
     @property
     def n_words(self) -> int:
@@ -160,10 +164,10 @@ def resolve(
     if constraints.genre is not None:
         repertoire.vocabulary.genre_index(constraints.genre)
     take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
-    motifs = {
-        slot: _checked_motif(motif, n_motifs)
-        for slot, motif in enumerate(constraints.motifs[: len(bounds_s) - 1])
-    }
+    take_wanted = material.takes_at(bounds_s[:-1], take_allowed)
+    given = [_checked_motif(motif, n_motifs) for motif in constraints.motifs]
+    first_given = _first_slot(given, repertoire, bar_positions(bounds_s[:-1], material.counts), take_wanted)
+    motifs = dict(zip(range(first_given, len(bounds_s) - 1), given, strict=False))
     pinned: dict[int, MotifPin] = {}
     takes: dict[int, tuple[int, TakePin]] = {}
     for pin in constraints.pins:
@@ -185,11 +189,37 @@ def resolve(
                     )
     resolved = ResolvedConstraints(
         constraints, material.counts, bounds_s, motifs, {slot: index for slot, (index, _) in takes.items()},
-        frozenset(pinned), take_allowed, material.takes_at(bounds_s[:-1], take_allowed), motif_banned,
+        frozenset(pinned), take_allowed, take_wanted, motif_banned,
+        first_given,
     )  # fmt: skip
     if motifs:
         _check_words_exist(resolved, repertoire)
     return resolved
+
+
+def _first_slot(
+    motifs: Sequence[int],
+    repertoire: Repertoire,
+    slot_position: NDArray[np.int64],
+    take_wanted: NDArray[np.bool_],
+) -> int:
+    """The first slot at which a given sequence of motifs begins on the counts on which its words are danced.
+
+    A song may begin within a bar. The sequence then begins up to a bar later, where most of its motifs have
+    words on the counts of their slots (N,). It begins with the first slot without counts, and if it has less
+    than two bars of four.
+    """
+    if not motifs or not (slot_position != UNKNOWN).any():
+        return 0
+    vocabulary = repertoire.vocabulary
+    positions = word_positions(vocabulary, repertoire.counts)
+    on_count = possible_motifs(slot_position, positions, take_wanted, vocabulary)  # (N, K)
+    n_compared = min(len(motifs), len(on_count) - (_LATEST_SLOT - 1))
+    if n_compared < _FEWEST_GIVEN:
+        return 0
+    compared = np.array(motifs[:n_compared])
+    shares = [np.mean(on_count[first + np.arange(n_compared), compared]) for first in range(_LATEST_SLOT)]
+    return int(np.argmax(shares))
 
 
 def _bans(

@@ -200,8 +200,9 @@ def dance(
     genre : the genre to dance, by its own takes or motifs alone. By default, each part of the song has the
         genre that suits its style, tempo and metre
     signature : (K,) shares of the motifs that the dance should have, by takes that have them
-    motifs : the motifs of the words of the dance, from the first word on, or motifs with their times. A whole
-        sequence is danced by the mixer, unless another engine is given
+    motifs : the motifs of the words of the dance, or motifs with their times. A whole sequence begins with
+        the first word on the count on which takes dance it. It is danced by the mixer, unless another engine
+        is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
     keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are planned again

@@ -27,6 +27,7 @@ from choreograph.choreography.mixer.words import (
     search_words,
 )
 from choreograph.choreography.motif_sequences import draw_motifs_of_parts
+from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Indices
 from choreograph.core.progress import StepReport, part, substage
@@ -64,12 +65,11 @@ class MixerEngine:
 
     def plan(self, request: DanceRequest) -> EngineResult:
         """A dance of motion words. Each part follows its likely genre unless one is requested."""
-        constraints, material = request.constraints.requested, request.material
-        mixed = mix(request)
+        material, mixed = request.material, mix(request)
         notes = (*material.notes, *material.metre_notes)
         if len(mixed.wrong):
             notes = (*notes, f"{len(mixed.wrong)} of {len(mixed.wanted)} words do not show their motifs")
-        notes = (*notes, *sequence_notes(constraints, len(mixed.wanted)))
+        notes = (*notes, *sequence_notes(request.constraints))
         return EngineResult(mixed.plan, notes, mixed.motion)
 
 
@@ -95,19 +95,23 @@ class MixedDance:
         return len(self.broken), len(self.wrong)
 
 
-def sequence_notes(constraints: Constraints, n_words: int) -> tuple[str, ...]:
-    """Notes on a motif sequence that is longer or shorter than a dance of `n_words`, or decides all of it."""
-    given = len(constraints.motifs)
+def sequence_notes(constraints: ResolvedConstraints) -> tuple[str, ...]:
+    """Notes on a given sequence of motifs that begins later, is longer or shorter, or is all of the dance."""
+    requested, first = constraints.requested, constraints.first_given
+    given, n_words = len(requested.motifs), constraints.n_words - first
     notes: tuple[str, ...] = ()
+    if given and first:
+        begins_s = constraints.bounds_s[first]
+        notes = (f"the motifs that were given begin at {begins_s:.1f} s, on the count of their takes",)
     if given > n_words:
-        notes = (f"{given} motifs were given for a dance of {n_words} words: the last ones are not danced",)
-    if given >= n_words and constraints.signature is not None:
+        notes += (f"{given} motifs were given for a dance of {n_words} words: the last ones are not danced",)
+    if given >= n_words and not first and requested.signature is not None:
         notes += ("the signature has no effect, since all motifs were given",)
     if given >= n_words:
         return notes
     if given:
-        return (f"{given} motifs were given for a dance of {n_words} words: the rest is drawn",)
-    return ()
+        notes += (f"{given} motifs were given for a dance of {n_words} words: the rest is drawn",)
+    return notes
 
 
 def mix(request: DanceRequest) -> MixedDance:

@@ -68,7 +68,7 @@ class RolloutEngine:
     def plan(self, request: DanceRequest) -> EngineResult:
         """A dance of the network. Each part follows its likely genre unless one is requested."""
         material, result = request.material, roll_out_motifs(request)
-        of_motifs = sequence_notes(request.constraints.requested, len(result.plan.words))
+        of_motifs = sequence_notes(request.constraints)
         return replace(result, notes=(*material.notes, *material.metre_notes, *of_motifs))
 
 
