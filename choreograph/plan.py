@@ -118,6 +118,7 @@ class Plan:
     closing_s: float | None = None  # time from which the last pose is held, or None to dance to the end
     lock_feet: bool = True  # hold planted feet in place when it is rendered
     keep_on_stage: bool = True  # by small rotations at transitions
+    least_cost: float | None = None  # lower bound of the total cost of all paths, if it was asked for
     front: str = "audience"  # to which rotations at transitions bring the dancer back, or "free" for none
 
     def __repr__(self) -> str:

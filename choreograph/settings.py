@@ -77,6 +77,10 @@ class DanceConfig:
     cheapest step each time, as ChoreoGraph does. "motion-graph" walks through a graph of similar poses, as
     a baseline. Used by the graph engine, and without "motion-graph" by the mixer."""
 
+    bound: bool = False
+    """Whether the planner "exact" also computes a lower bound of the costs of all paths, for the plan and a
+    note. It takes as long as the search again. Used by the graph engine."""
+
     candidates: Annotated[int, Range(1)] = 512
     """How many clips are warped for each second. More clips give the planner more choice and take longer.
     Used by the graph engine."""
@@ -176,6 +180,7 @@ class DanceSettings(TypedDict, total=False):
 
     engine: EngineName | str
     planner: Planner
+    bound: bool
     candidates: int
     selection: Selection
     warping: Warping

@@ -109,3 +109,32 @@ def replace_at(path, second, node):
     changed = path.copy()
     changed[second] = node
     return changed
+
+
+@pytest.mark.parametrize("n_motifs", [0, 4])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_path_costs_less_than_the_bound(seed, n_motifs):
+    cheap, source, costs, song_features = searched(seed, n_seconds=8, k=4, n_motifs=n_motifs)
+    path = plan_exact(source, costs, song_features, with_bound=True)
+    assert 0.0 < path.least_total <= path.total
+    rng = np.random.default_rng(seed)
+    for _ in range(200):
+        other = np.array([rng.integers(layer.n_nodes) for layer in cheap.layers])
+        assert cheap.cost(other) > path.least_total
+    assert plan_exact(source, costs, song_features).least_total is None
+
+
+def test_the_bound_of_costs_that_do_not_depend_on_the_path_is_their_optimum():
+    source, song_features = random_source(1)
+    path = plan_exact(source, [WeightedCost(Preference(), 1.0)], song_features, with_bound=True)
+    assert path.least_total == pytest.approx(path.total)
+
+
+def test_a_cost_of_the_path_without_a_lower_bound_has_no_bound():
+    class Growing(Variety):
+        min_path_cost = -np.inf
+
+    source, song_features = random_source(1, tie_break_s=np.zeros(2))
+    assert (
+        plan_exact(source, [WeightedCost(Growing(), 1.0)], song_features, with_bound=True).least_total is None
+    )

@@ -74,6 +74,7 @@ ALL, TAKES = {"graph", "mixer", "rollout"}, {"graph", "mixer"}
 # Parameter -> the engines that use it; what is given for it (a name of `files`), beside what else.
 TABLE = {
     "planner": (TAKES, "greedy", {}),
+    "bound": ({"graph"}, True, {}),
     "candidates": ({"graph"}, 16, {}),
     "selection": ({"graph"}, "random", {}),
     "warping": ({"graph"}, "none", {}),

@@ -41,6 +41,7 @@ class Cost:
         edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
     of_path : whether its values depend on the path to a node, by `Layer.motif_counts` or
         `Layer.take_usage_s`
+    min_path_cost : lower bound of the sum of its values over a whole path, of a cost with `of_path`
 
     References
     ----------
@@ -62,6 +63,7 @@ class Cost:
     name: str = ""
     min_jump_cost: float = -math.inf
     of_path: bool = False
+    min_path_cost: float = -math.inf
 
     def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
@@ -287,6 +289,7 @@ class Variety(Cost):
     """
 
     of_path = True
+    min_path_cost = 0.0
 
     min_jump_cost = 0.0
 

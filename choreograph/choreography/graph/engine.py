@@ -48,6 +48,7 @@ class GraphEngine:
     settings = frozenset(
         {
             "planner",
+            "bound",
             "candidates",
             "selection",
             "warping",
@@ -82,6 +83,8 @@ class GraphEngine:
                 "expected the mixer or rollout engine for a whole sequence of motifs, or motifs with their "
                 "times, got the graph engine, which dances seconds"
             )
+        if config.bound and config.planner != "exact":
+            raise ParameterError(f"expected the planner exact for a bound, got {config.planner}")
         cost_weights(config, costs)
         if repertoire.n_clips == 0:
             raise RepertoireError(
@@ -108,6 +111,9 @@ class GraphEngine:
         goals, goal_notes = _goals(request)
         path, weights = _search_path(request, goals)
         plan = _to_plan(path, weights, request)
+        if plan.least_cost is not None:
+            costs = f"the plan costs {plan.total_cost:.1f}, and no plan costs less than {plan.least_cost:.1f}"
+            notes = (*notes, costs)
         if config.transitions == "beats":
             plan = with_transitions_on_counts(plan, request)
         motion = None
@@ -244,15 +250,21 @@ def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceReq
         from choreograph.choreography.graph.motion_graph import plan_motion_graph
 
         return plan_motion_graph(source, costs, request.song_features, report=report)
-    plan = plan_exact if planner == "exact" else plan_greedy
-    return plan(source, costs, request.song_features, report=report)
+    if planner == "greedy":
+        return plan_greedy(source, costs, request.song_features, report=report)
+    with_bound = request.config.bound
+    path: Path = plan_exact(source, costs, request.song_features, with_bound=with_bound, report=report)
+    return path
 
 
 def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest) -> Plan:
     seconds = [
         _planned_second(node, costs, request) for node, costs in zip(path.nodes, path.costs, strict=True)
     ]
-    return request.new_plan(engine=GraphEngine.name, weights=weights, seconds=tuple(seconds))
+    least = None if path.least_total is None else round(path.least_total, _COST_DECIMALS)
+    return request.new_plan(
+        engine=GraphEngine.name, weights=weights, seconds=tuple(seconds), least_cost=least
+    )
 
 
 def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest) -> PlannedSecond:

@@ -104,6 +104,7 @@ class Signature(Cost):
     """
 
     of_path = True
+    min_path_cost = 0.0
 
     def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
         self._part = _part_at(goals, song_features)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ class Path:
 
     nodes: tuple[Layer, ...]  # S layers of one node
     costs: tuple[dict[str, float], ...]  # S, cost name -> weighted cost of the node and of the edge into it
+    least_total: float | None = None  # a lower bound of the total of any path, if it was asked for
 
     @property
     def total(self) -> float:
@@ -57,6 +58,7 @@ def plan_exact(
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
     *,
+    with_bound: bool = False,
     report: Report | None = None,
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
@@ -64,11 +66,33 @@ def plan_exact(
     The paper plans greedily (section 3.3). With costs that depend on the path (`Cost.of_path`), the result is
     not always the cheapest path. They are evaluated along the cheapest path found to each node, as in a beam
     search with the width of a layer, and `local_search` then improves the path. It never costs more than that
-    of `plan_greedy` on the same layers.
+    of `plan_greedy` on the same layers. `with_bound` searches once more, without the costs that depend on the
+    path, for a lower bound of all paths.
 
     Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
     wrong shape, or an edge below its own lower bound.
     """
+    keys, total, cheap_nodes = _search(source, costs, song_features, report)
+    of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
+    if of_path:
+        keys = _improved(keys, cheap_nodes, source, costs, song_features)
+    path = _path_with_costs(source, keys, costs, song_features)
+    if not with_bound:
+        return path
+    fixed = [weighted for weighted in costs if not weighted.cost.of_path]
+    least = _search(source, fixed, song_features)[1] if of_path else total
+    for weighted in of_path:
+        least += weighted.weight * weighted.cost.min_path_cost if weighted.weight > 0 else -np.inf
+    return replace(path, least_total=least if np.isfinite(least) else None)
+
+
+def _search(
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    report: Report | None = None,
+) -> tuple[list[int], float, list[tuple[Layer, NDArray[np.float64]]]]:
+    """The keys of a path by dynamic programming, its cost, and the cheap nodes of every second."""
     layer, reached = allowed_nodes(source.layer(0), costs, song_features)
     greedy: _GreedyPath | None = _GreedyPath(layer, reached)
     cheap_nodes = [cheapest(layer, reached, reached)]
@@ -93,10 +117,8 @@ def plan_exact(
                 report(second + 1, source.n_seconds)
     keys = _backtrack(parents, node_keys, int(np.argmin(reached)))
     if greedy is not None and greedy.total < reached.min():
-        keys = greedy.keys
-    if any(weighted.weight and weighted.cost.of_path for weighted in costs):
-        keys = _improved(keys, cheap_nodes, source, costs, song_features)
-    return _path_with_costs(source, keys, costs, song_features)
+        return greedy.keys, greedy.total, cheap_nodes
+    return keys, float(reached.min()), cheap_nodes
 
 
 def _improved(
