@@ -20,22 +20,22 @@ setup: .venv/.ready
 	touch .venv/.ready
 
 test: setup
-	$(BIN)/pytest -n auto --dist loadfile -m "not alone"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
 	$(BIN)/pytest -m alone
 
 test-fast: setup
-	$(BIN)/pytest -n auto --dist loadfile -m "not slow and not alone"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not alone"
 
 test-lowest:
 	$(PYTHON) -m venv .venv-lowest
 	$(PYTHON) .ci/lowest.py > .venv-lowest/lowest.txt
 	.venv-lowest/bin/pip install --quiet --constraint .venv-lowest/lowest.txt --editable '.[test]'
-	.venv-lowest/bin/pytest -n auto --dist loadfile -m "not alone"
+	.venv-lowest/bin/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
 
 test-newest:
 	$(PYTHON) -m venv .venv-newest
 	.venv-newest/bin/pip install --quiet --upgrade --upgrade-strategy eager --editable '.[test]'
-	.venv-newest/bin/pytest -n auto --dist loadfile -m "not alone"
+	.venv-newest/bin/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
 
 # Sane, damaged and hostile files of every format, for as long as wanted; what fails goes to tests/fuzz/corpus.
 fuzz: setup
