@@ -217,7 +217,7 @@ METRE_WEIGHTS = np.array(
     ]
 )  # (61, 5)
 
-# Log odds that beats rather than every second one are counted, of the mean repeats.
+# Weights of the mean repeats in the log odds that every beat is counted, rather than every second one.
 EIGHTHS_WEIGHTS = np.array(
     [
         1.785,  # low accents, 2 beats

@@ -109,7 +109,7 @@ _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers coun
 # The numbers in a bar of each metre that are counted at the slower level. Half of three beats is no whole
 # count, so a bar of three has one. Bars of five and seven are counted at their own level only.
 _SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
-_EIGHTHS_BPM = (140.0, 250.0)
+_EIGHTHS_BPM = (140.0, 250.0)  # range of tempi of eighths that are counted as beats
 _LEAST_EIGHTHS = 2.0  # log odds. Real waltzes, whose eighths are no beats, have up to 1.2
 DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 

@@ -187,13 +187,15 @@ def _knots_s(start_s: float, stop_s: float) -> Floats:
 # Runs are sampled at the frame rate of the dance and aligned with the run before them.
 
 
-# take, first and last time -> the motion around them and the time of its first frame
-_PELVIS_WEIGHT = 0.3  # of the place of the pelvis, where 1 is that of a foot on the floor
+_PELVIS_WEIGHT = 0.3  # weight of the pelvis in the alignment. A foot on the floor has the weight 1
 _ANKLE_M, _BALL_M = 0.07, 0.015  # heights of a foot that stands flat
-_LOW_M, _LOW_WIDTH_M = 0.05, 0.012  # above them, where a foot is as likely in the air
+# Height above these at which a foot is as likely in the air as on the floor, and the width of the change.
+_LOW_M, _LOW_WIDTH_M = 0.05, 0.012
 _FEET = [
     (BODY_JOINTS.index(f"{side}_ankle"), BODY_JOINTS.index(f"{side}_foot")) for side in ("left", "right")
 ]
+
+# take, first and last time -> the motion around them and the time of its first frame
 MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 
 
@@ -279,8 +281,9 @@ def align_to(
 def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
     """The shift (3,) that brings a body (21, 3), once rotated, to where another one stands.
 
-    Feet that are on the floor in both bodies come to the same place, as far as their distance is the same.
-    Otherwise they would slide while the bodies are blended. Without such feet, the pelvises do.
+    Feet that are on the floor in both bodies come to the same place, as far as the two feet are equally far
+    apart in both. Otherwise they would slide during the transition. Without such feet, the pelvises come to
+    the same place.
     """
     turned = rot.rotate(rot.about_y(yaw_rad), after)
     apart_m = [ground_pos_m(before) - ground_pos_m(turned)]

@@ -187,27 +187,27 @@ def _with_offsets(
     return apply_offset(root, quat, *rates)
 
 
-# Feet at the joins. The two takes of a join have their feet in different places, and feet that stand in both
-# takes move while these are blended. To lock them, their contacts are those of the takes.
+# Feet at joins. The two takes of a join have their feet in different places, so that feet that stand in both
+# takes move during the transition. They are locked by the contacts of the takes.
 
 
 _BLENDED_S = 0.65  # to each side of a join: a little more than the longest transition
-_LOCKED_S = 0.35  # closer to a join than this, feet are locked firmly,
-_FIRM_SHIFT_S = 0.06  # by shifts that come and go quickly
-_EASE_S = 0.3  # from there to the slow shifts of the rest of the dance
-_CONTACT_EASE_S = 0.04
+_LOCKED_S = 0.35  # distance from a join within which feet are locked firmly
+_FIRM_SHIFT_S = 0.06  # time over which the shift of a foot comes and goes there
+_EASE_S = 0.3  # from there to the longer time of the rest of the dance
+_CONTACT_EASE_S = 0.04  # standard deviation of the Gaussian that smooths contacts
 _FEET = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]
 
 
 @dataclass(frozen=True, eq=False)
 class Joins:
-    """When the takes of a dance change, and where the feet of both takes are there."""
+    """The times at which the takes of a dance change, and the feet of both takes around them."""
 
-    times_s: Floats  # (B,)
+    times_s: Floats  # (B,) at which a take begins after another one
     feet_m: tuple[tuple[int, Floats], ...]  # first dance frame, and `CONTACT_JOINTS` (n, 4, 3) of a take
 
     def contacts(self, motion: Motion, from_s: float, to_s: float) -> Floats:
-        """Contacts of a motion (T, 4), and near joins between two times also those of its takes."""
+        """Contacts (T, 4) of a motion, and near joins from `from_s` to `to_s` also those of its takes."""
         body_m = body_pos_m(motion)
         floor_m = np.percentile(body_m[:, _FEET, 1], FLOOR_PERCENT, axis=0)
         of_takes = np.zeros((motion.n_frames, 4))
@@ -221,7 +221,7 @@ class Joins:
         return contacts
 
     def shift_s(self, n_frames: int, fps: float, usual_s: float) -> Floats:
-        """How quickly shifts of locked feet come and go (T,): as usual, and quickly near joins."""
+        """Time (T,) over which the shift of a locked foot comes and goes: `usual_s`, and less near joins."""
         times_s = frame_times_s(n_frames, fps)
         near = np.zeros(n_frames)
         for at_s in self.times_s:
@@ -232,7 +232,7 @@ class Joins:
 
 
 def feet_at_join(a: SampledRun, b: SampledRun, fps: float) -> list[tuple[int, Floats]]:
-    """The feet of both runs beside the start of b, as in `Joins`."""
+    """The feet of both runs around the start of `b`, in the form of `Joins.feet_m`."""
     reach = seconds_to_frames(_BLENDED_S, fps)
     spans = (a, max(a.start, b.start - reach), b.start), (b, b.start, min(b.stop, b.start + reach))
     return [(first, run.bodies_m[run.rows(first, stop)][:, _FEET]) for run, first, stop in spans]
