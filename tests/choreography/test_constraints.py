@@ -102,7 +102,7 @@ def test_malformed_motif_sequences(tmp_path, text):
     with pytest.raises(FormatError, match="of_moves"):
         read_motifs(tmp_path / "of_moves.json")
     (tmp_path / "of_moves.json").write_text(plan_for(swaying(120, fps=60.0)).to_json())
-    with pytest.raises(FormatError, match="seconds alone"):
+    with pytest.raises(FormatError, match="only seconds"):
         read_motifs(tmp_path / "of_moves.json")
 
 

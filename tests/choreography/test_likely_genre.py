@@ -220,4 +220,4 @@ def test_without_style_or_genres_none_is_likely(tmp_path, lacking):
 def test_the_note_names_genres_runners_up_and_how_sure_they_are():
     note = genre_note([LikelyGenre(0, "waltz", 0.871, "rumba"), LikelyGenre(9, "rumba", 1.0, "")])
     assert "follows waltz (87 % sure, else rumba), then rumba (100 % sure)" in note
-    assert "all takes" in genre_note([LikelyGenre(0, ALL_GENRES)])
+    assert "all genres" in genre_note([LikelyGenre(0, ALL_GENRES)])
