@@ -113,7 +113,7 @@ def test_weights_and_costs_that_do_not_exist_or_collide(repertoire, song):
     class Style(cg.Cost):
         pass
 
-    with pytest.raises(ParameterError, match="share a name"):
+    with pytest.raises(ParameterError, match="two share one among"):
         cg.dance(song, repertoire, costs=[Style()])
 
 

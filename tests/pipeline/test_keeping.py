@@ -90,7 +90,7 @@ def test_the_plan_is_rendered_again_and_edited(old, new):
 def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
     kept = cg.dance(SONG, existing=old, keep=[cg.Keep(0.4, 5.0), cg.Keep(12.0, 19.3)], candidates=16)
     assert [note for note in kept.notes if "are kept" in note] == [
-        "the first 0.40 s and the last 0.70 s of the existing dance are kept: too short to be planned anew"
+        "the first 0.40 s and the last 0.70 s of the existing dance are kept: too short to be planned again"
     ]
     assert np.array_equal(kept.motion.root_pos_m[-1], old.motion.root_pos_m[-1])
     keep = cg.Keep(1.2, 18.8)
