@@ -100,7 +100,7 @@ def test_huge_numbers_stay_readable():
 def test_synthetic_beats_separate_ours_from_chance(evaluation):
     f_score = cells(evaluation, "f_score")
     assert f_score["ours"].n == f_score["random"].n == 6
-    # Synthetic takes sway over feet that slide. Where takes are joined, feet are held, which adds motion beats.
+    # Synthetic takes sway over feet that slide. At joins, feet are held, which adds motion beats.
     assert f_score["ours"].mean > 0.85
     assert f_score["real"].mean > 0.9  # the takes rest on every click
     assert f_score["ours"].chance < 0.5 < f_score["ours"].mean
