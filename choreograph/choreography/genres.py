@@ -34,7 +34,7 @@ _OTHER_TEMPO, _PER_OCTAVE = 1.5, 4.0
 _SAME_TEMPO = 1.04  # largest ratio of two tempi that count as the same
 # House and disco have a hi-hat between the beats, and music without one is neither. The share of percussion
 # onsets that are between two beats rather than on one is 0.51 or more in a quarter of the seconds of
-# synthetic songs of both genres, and 0.36 to 0.45 in cha-chas.
+# synthetic songs of both genres, and 0.36 to 0.50 in cha-chas.
 _WITH_OFF_BEATS = ("disco", "house")
 _OFF_BEATS = (0.43, 0.51)
 _NO_OFF_BEATS = 0.6
