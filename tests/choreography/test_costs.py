@@ -257,7 +257,10 @@ def test_a_seed_gives_each_part_of_a_take_a_number_of_its_own():
     )
     assert not np.isclose(numbers, Seed(2).node(here, song_features)).any()
     many = replace(here.subset(np.zeros(5000, np.int64)), time_map_id=np.arange(5000))
-    assert np.histogram(Seed(0).node(many, song_features), 10, (0, 1))[0].min() > 400
+    of_parts = Seed(0).node(many, song_features)
+    assert np.histogram(of_parts % 0.5, 10, (0, 0.5))[0].min() > 400
+    takes = replace(many, take=np.arange(5000), time_map_id=np.zeros(5000, np.int64))
+    assert 0.45 < (Seed(0).node(takes, song_features) >= 0.5).mean() < 0.55
 
 
 def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):

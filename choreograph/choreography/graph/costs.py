@@ -336,7 +336,8 @@ class Repeat(Cost):
 class Seed(Cost):
     """A random number, 0 … 1, of each continuous part of a take in the song (ours).
 
-    It follows from the seed of the dance. Of many parts that are nearly as good, each seed prefers others.
+    It follows from the seed of the dance. Of takes and parts that are nearly as good, each seed prefers
+    others. Half of it is 0 or 1 for the whole take, and the other half is random for the part.
     """
 
     def __init__(self, seed: int) -> None:
@@ -344,7 +345,9 @@ class Seed(Cost):
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         part = np.where(layer.time_map_id >= 0, 2 * layer.time_map_id, 2 * layer.segment + 1)
-        return random_numbers(part.astype(np.uint64), self._seed)
+        of_part = random_numbers(part.astype(np.uint64), self._seed)
+        of_take = random_numbers(layer.take.astype(np.uint64), self._seed + 2**32) < 0.5
+        return 0.5 * (of_take + of_part)
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
