@@ -85,8 +85,9 @@ def test_dances_are_on_the_true_beat(starter, tmp_path, bench):
     write_song(tmp_path / "song.wav", truth)
     made = cg.dance(tmp_path / "song.wav", starter)
     pos = body_pos_m(made.motion)
-    # Feet that are held at joins add motion beats.
-    assert f_score(motion_beat_times_s(pos, made.motion.fps), truth.beat_times_s) > 0.7
+    assert f_score(motion_beat_times_s(pos, made.motion.fps), truth.beat_times_s) > 0.75
+    # A song in four is not danced in three because its tempo leaves that of the takes in four.
+    assert "waltz" not in {second.credits.genre for second in made.plan.seconds}
     soles = sole_pos_m(made.motion)
     assert floor_penetration_cm(pos, made.motion.fps, sole_pos_m=soles) < 0.5
     takes = [second.take for second in made.plan.seconds]
