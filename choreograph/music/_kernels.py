@@ -108,18 +108,10 @@ def best_bar_sequence(
     best_state = np.zeros((n_ends, 2), np.int16)  # its period's index and its state
     from_period = np.full((n_ends, n_periods, n_states), -1, np.int16)  # -1: the first interval
     from_state = np.zeros((n_ends, n_periods, n_states), np.int8)
-    turn = np.empty((n_states, 2))  # of a state's beginning within its bar
-    previous = np.empty(n_states, np.int64)  # the state that the path comes from
-    for s in range(n_states):
-        metre = metres[state_metre[s]]
-        turn[s, 0] = np.cos(2 * np.pi * (state_number[s] - 1) / metre)
-        turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
-        previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
+    turn, previous = _places_in_bar(state_metre, state_number, metres)
     gain = np.zeros(n_states)
     reach = np.sqrt(break_cost / change_cost)  # relative change beyond which a break is cheaper
-    vectors = np.empty((n_frames, 1 + n_metres), np.complex128)
-    vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
-    vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
+    vectors = _vectors(beat, bar)
     turns, newest = _phase_steps(first_period, n_periods, metres)
     sums = np.zeros((n_periods, 1 + n_metres), np.complex128)
     metre_sums = np.zeros((n_periods, n_metres))
@@ -162,6 +154,29 @@ def best_bar_sequence(
                 if t >= n_frames and ring[row, i, s] > end_score:
                     end_score, end_t, end_p, end_s = ring[row, i, s], t, i, s
     return _traced(end_t, end_p, end_s, from_period, from_state, first_period)
+
+
+@njit(nogil=True)
+def _vectors(beat: Floats, bar: Floats) -> Complexes:
+    """The vectors of the beat (T, 2) and of the bars (T, M, 2) as complex numbers (T, 1 + M)."""
+    vectors = np.empty((len(beat), 1 + bar.shape[1]), np.complex128)
+    vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
+    vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
+    return vectors
+
+
+@njit(nogil=True)
+def _places_in_bar(state_metre: Indices, state_number: Indices, metres: Indices) -> tuple[Floats, Indices]:
+    """Where each state begins within its bar, (S, 2) unit vectors, and the state before it (S,)."""
+    n_states = len(state_metre)
+    turn = np.empty((n_states, 2))
+    previous = np.empty(n_states, np.int64)
+    for s in range(n_states):
+        metre = metres[state_metre[s]]
+        turn[s, 0] = np.cos(2 * np.pi * (state_number[s] - 1) / metre)
+        turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
+        previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
+    return turn, previous
 
 
 @njit(nogil=True)
