@@ -12,7 +12,7 @@ from choreograph.choreography.graph.segments import Segments
 from choreograph.choreography.graph.warping import NO_TIME_MAP
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES
-from choreograph.music.sections import Sections
+from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures
 
 

@@ -25,7 +25,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import poses_at, segment_words
 from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_frame
 from choreograph.motion.motion import Motion
-from choreograph.music.sections import coming_to_rest_s
+from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan, PlannedWord
 

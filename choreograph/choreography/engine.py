@@ -14,7 +14,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
-from choreograph.music.sections import coming_to_rest_s
+from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan

@@ -15,8 +15,8 @@ from choreograph.core.counts import FROM_MOTION, Counts
 from choreograph.core.numerics import Floats
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.music.form import Sections
 from choreograph.music.metrical_level import DANCED_IN, tempo_bpm
-from choreograph.music.sections import Sections
 from choreograph.music.song_features import SongFeatures
 
 _NEAREST = "no genre given: the dance follows {}, by style, tempo and metre"

@@ -23,6 +23,8 @@ from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
+from choreograph.music.danced_span import dance_span_s
+from choreograph.music.form import Form, Sections, song_form, song_sections
 from choreograph.music.mel import log_mel, onset_density
 from choreograph.music.metrical_level import (
     at_changes,
@@ -34,9 +36,9 @@ from choreograph.music.metrical_level import (
     tempo_bpm,
 )
 from choreograph.music.rhythm import off_beat_share, rhythm_features
-from choreograph.music.sections import Sections, dance_span_s, song_sections
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
+from choreograph.music.spectral import spectral_features
 
 _STEPS = 100  # of the progress, most of which is for the sections
 _SAME_TEMPO = 0.015  # largest relative difference of tempi that count as the same
@@ -74,12 +76,12 @@ def analyse_song(
     notes += style_notes
     if report is not None:
         report(25, _STEPS)
-    sections = _sections(song, counts, part(report, 25, 60, _STEPS))
+    sections, form = _structure(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
         losses = None if genre else style_losses(style, sections, off_beat_share(rhythm), repertoire)
         counts, changed = _danceable(counts, song, mel, sections, repertoire, style, genre, losses)
         if changed:
-            sections = _sections(song, counts, part(report, 60, 95, _STEPS))
+            sections, form = _structure(song, counts, part(report, 60, 95, _STEPS))
             notes.append(_level_note(song, changed, genre))
     if len(counts) == 0:
         notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
@@ -97,20 +99,23 @@ def analyse_song(
         closing_s,
         onset_density(mel, n_seconds),
         off_beat_share(rhythm),
+        form,
     )
     if report is not None:
         report(_STEPS, _STEPS)
     return features, tuple(notes)
 
 
-def _sections(song: Song, counts: Counts, report: StepReport | None) -> Sections:
-    return song_sections(
-        song.samples,
+def _structure(song: Song, counts: Counts, report: StepReport | None) -> tuple[Sections, Form]:
+    """The sections of a song and its phrases."""
+    features = spectral_features(song.samples, counts.times_s, report=report)
+    sections = song_sections(
+        features,
         counts.times_s,
         downbeat_times_s=counts.downbeat_times_s,
         change_times_s=change_times_s(counts),
-        report=report,
     )
+    return sections, song_form(features, counts, sections)
 
 
 def _level_note(song: Song, changed: Sequence[tuple[Counts, Counts]], genre: str | None) -> str:

@@ -20,8 +20,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.music.form import Sections
 from choreograph.music.metrical_level import tempo_bpm
-from choreograph.music.sections import Sections
 from choreograph.plan import Plan
 from choreograph.render.rendering import plan_runs
 

@@ -21,10 +21,11 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker, song_counts
 from choreograph.motion.motion import Take
 from choreograph.music.beats import DEFAULT_TRACKER, get_beat_tracker
+from choreograph.music.form import Sections, song_sections
 from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import choose_level, metrical_levels, tempo_bpm
-from choreograph.music.sections import Sections, song_sections
 from choreograph.music.song import Song, load_song
+from choreograph.music.spectral import spectral_features
 
 # The songs of an evaluation are the audio files in a folder, with the real takes to them if there are any.
 
@@ -179,7 +180,7 @@ def song_music(song: Song, beats: str | Path) -> SongMusic:
     """
     counts = beats_of(song, beats)
     mel = log_mel(song.samples)  # (T, 96)
-    sections = song_sections(song.samples, counts.times_s)
+    sections = song_sections(spectral_features(song.samples, counts.times_s), counts.times_s)
     return SongMusic(
         metrical_levels(song.samples, mel, counts) if names_a_tracker(beats) else (counts,),
         get_beat_tracker(second_tracker(beats)).beats(song, mel),

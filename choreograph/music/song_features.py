@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from choreograph.core.counts import Counts
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
-from choreograph.music.sections import Sections
+from choreograph.music.form import Form, Sections
 
 # `SongFeatures`, the features of a song per second that the engines use for planning.
 
@@ -42,6 +42,7 @@ class SongFeatures:
     closing_s: float  # the last count that is danced
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
     off_beat: float = 1.0  # share of percussion that is between the beats: see `off_beat_share`
+    form: Form = field(default_factory=Form.empty)  # its phrases, and which of them repeat others
 
     __repr__ = one_line
 

@@ -20,7 +20,7 @@ from choreograph.motion.kinematics import ancestors, forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.sections import coming_to_rest_s, setting_off_s
+from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 
 _BREATHS_HZ = 0.31, 0.42  # while waiting, and out of breath at the end
 _BREATH_RAD = 0.04  # how far the chest rises
@@ -36,9 +36,9 @@ _APART_M = 0.11  # ankles do not come closer to each other
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
     """The motion with a pose held before the first count, and one after the last count.
 
-    `music.sections` determines how the dance begins and comes to rest. With `closing_s` None it has no held
-    end. Feet that are in the air in a held pose are put down on the floor, and the body breathes and shifts
-    its weight.
+    `music.danced_span` determines how the dance begins and comes to rest. With `closing_s` None it has no
+    held end. Feet that are in the air in a held pose are put down on the floor, and the body breathes and
+    shifts its weight.
     """
     times_s = frame_times_s(motion.n_frames, motion.fps)
     played_s = played_times_s(times_s, opening_s, closing_s)

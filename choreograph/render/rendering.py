@@ -16,7 +16,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
-from choreograph.music.sections import coming_to_rest_s, setting_off_s
+from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
 from choreograph.render.held_poses import hold_ends

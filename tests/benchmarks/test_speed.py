@@ -26,7 +26,7 @@ from choreograph.core.counts import Counts
 from choreograph.library.builtin import starter_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.writing import write_repertoire
-from choreograph.music.sections import Sections
+from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures, music_density
 from choreograph.music.synthesis.song import render_song, write_song
 from choreograph.settings import DEFAULT_WEIGHTS

@@ -21,7 +21,7 @@ from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_repertoire
-from choreograph.music.sections import Sections
+from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures
 
 GENRES = ("waltz", "rumba")

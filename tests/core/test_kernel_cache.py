@@ -172,13 +172,14 @@ def test_nothing_is_compiled_into_numbas_own_cache():
         "from choreograph.music.bars import track_bars\n"
         "from choreograph.music.mel import log_mel\n"
         "from choreograph.music.beats import librosa_beats\n"
-        "from choreograph.music.sections import song_sections\n"
+        "from choreograph.music.form import song_sections\n"
+        "from choreograph.music.spectral import spectral_features\n"
         "clicks = np.zeros(22050 * 12, np.float32)\n"
         "clicks[::11025] = 1.0\n"
         "mel = log_mel(clicks)\n"
         "beats = librosa_beats(mel, 12.0)\n"
         "track_bars(clicks, mel, beats)\n"
-        "song_sections(clicks, beats)\n"
+        "song_sections(spectral_features(clicks, beats), beats)\n"
         "print(kernel_cache._folder())\n"
     )
     env = {**os.environ, "NUMBA_DEBUG_CACHE": "1"}

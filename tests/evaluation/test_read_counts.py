@@ -11,7 +11,7 @@ import choreograph as cg
 from choreograph.core.counts import Counts
 from choreograph.evaluation.dance_scores import read_count_scores, read_counts
 from choreograph.evaluation.songs import SongMusic
-from choreograph.music.sections import Sections
+from choreograph.music.form import Sections
 
 
 @pytest.fixture(scope="module", params=["cha-cha", "waltz"])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.sections import song_sections
+from choreograph.music.form import song_sections
+from choreograph.music.spectral import spectral_features
 from choreograph.music.synthesis.song import render_song
 
 pytestmark = pytest.mark.slow
@@ -31,7 +32,7 @@ def test_sections_of_songs_it_was_not_tuned_on(genre, bpm, seed):
     song = render_song(genre, bpm=bpm, duration_s=110.0, seed=seed)
     mono = song.samples.mean(axis=1)[::2]
     beats_s = song.beat_times_s[song.beat_times_s < len(mono) / SAMPLE_RATE_HZ]
-    sections = song_sections(mono, beats_s)
+    sections = song_sections(spectral_features(mono, beats_s), beats_s)
     bounds_s, labels = sections.bounds_s, sections.labels
     assert len(bounds_s) == len(labels) + 1 and (np.diff(bounds_s) > 0).all()
     assert set(bounds_s) <= set(beats_s) and (labels[1:] != labels[:-1]).all()
@@ -44,7 +45,7 @@ def test_sections_of_songs_it_was_not_tuned_on(genre, bpm, seed):
 def test_a_song_of_few_beats_has_no_sections():
     noise = np.random.default_rng(0).normal(size=3 * SAMPLE_RATE_HZ)
     for beats_s in (np.zeros(0), np.arange(0.1, 2.9, 0.4)):
-        sections = song_sections(noise, beats_s)
+        sections = song_sections(spectral_features(noise, beats_s), beats_s)
         assert len(sections) == len(sections.bounds_s) == 0
 
 
@@ -53,7 +54,7 @@ def test_sections_begin_on_downbeats_and_last():
     mono = song.samples.mean(axis=1)[::2]
     beats_s = song.beat_times_s[song.beat_times_s < len(mono) / SAMPLE_RATE_HZ]
     downbeats_s = beats_s[::4]
-    sections = song_sections(mono, beats_s, downbeat_times_s=downbeats_s)
+    sections = song_sections(spectral_features(mono, beats_s), beats_s, downbeat_times_s=downbeats_s)
     inner_s = sections.bounds_s[1:-1]
     assert set(inner_s) <= set(downbeats_s) and len(sections) >= 2
     assert np.diff(sections.bounds_s).min() >= 6.0
@@ -71,7 +72,7 @@ def test_a_splice_is_a_border():
     bars_s = np.concatenate(
         [song.bar_times_s[song.bar_times_s < 18] + 18 * i for i, song in enumerate(songs)]
     )
-    sections = song_sections(mono, beats_s, downbeat_times_s=bars_s)
+    sections = song_sections(spectral_features(mono, beats_s), beats_s, downbeat_times_s=bars_s)
     border = int(np.abs(sections.bounds_s - 18).argmin())
     assert abs(sections.bounds_s[border] - 18) < 2
     assert not set(sections.labels[:border]) & set(sections.labels[border:])
@@ -82,11 +83,16 @@ def plain_and_with_change(late_s: float, *more_s: float) -> tuple[np.ndarray, in
     songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
     mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
     beats_s = np.arange(0.2, 35.8, 0.25)
-    plain_s = song_sections(mono, beats_s).bounds_s
+    plain_s = song_sections(spectral_features(mono, beats_s), beats_s).bounds_s
     border = int(np.abs(plain_s[1:-1] - 18).argmin()) + 1
     away_s = np.abs(beats_s[:, None] - plain_s[border] - np.array([late_s, *more_s]))
     changes_s = beats_s[away_s.argmin(axis=0)]
-    return plain_s, border, song_sections(mono, beats_s, change_times_s=changes_s).bounds_s, changes_s
+    return (
+        plain_s,
+        border,
+        song_sections(spectral_features(mono, beats_s), beats_s, change_times_s=changes_s).bounds_s,
+        changes_s,
+    )
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
-from choreograph.music.sections import REACH_S, join_times_s
+from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
 from choreograph.render.rendering import render, runs_of_seconds, take_motions
 from choreograph.render.runs import Run, TransitionTiming

@@ -39,7 +39,7 @@ from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import SongGrid, TakeGrids
-from choreograph.music.sections import REACH_S, join_times_s
+from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
 
 _OTHER_GENRE = 20.0  # per second, more than differences of other costs, but less than a user's cost may be

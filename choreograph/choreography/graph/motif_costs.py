@@ -20,7 +20,7 @@ from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.sections import held_times_s
+from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
 
 # The motifs of each node.

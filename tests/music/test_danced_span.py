@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.mel import log_mel
-from choreograph.music.sections import (
+from choreograph.music.danced_span import (
     FIRST_HOLD_S,
     REACH_S,
     coming_to_rest_s,
@@ -19,6 +18,7 @@ from choreograph.music.sections import (
     join_times_s,
     setting_off_s,
 )
+from choreograph.music.mel import log_mel
 
 DURATION_S = 30.0
 

@@ -1,0 +1,215 @@
+"""Form of a song: its sections, its phrases, and which of them are repeated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from choreograph.core.counts import Counts
+from choreograph.core.numerics import Floats, Indices
+from choreograph.music.metrical_level import at_changes
+from choreograph.music.spectral import SPECTRAL_COLUMNS
+
+SECTION_S = 12.0  # average length of a section
+_MIN_SECTION_S = 6.0  # a shorter part is a fill or a break, not a section
+_MIN_BEATS = 8
+_SAME_SECTION_DISTANCE = 0.35  # of the features' deviation. Sections with a lower mean distance are repeats
+# Weights of standardised groups. Timbre separates sections better than harmony. Both together do best.
+_GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
+_CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
+_NONE = np.zeros(0)
+_PHRASE_BARS = 4
+_SAME_PHRASE_DISTANCE = 0.7  # of the features' deviation, as the mean over the counts of two phrases
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Consecutive sections of a song, or none if the song has too few beats."""
+
+    bounds_s: Floats  # (S + 1,), or (0,)
+    labels: NDArray[np.int64]  # (S,): equal labels are the same music repeated
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A span of the music of about 4 or 8 bars, from one count 1 to another."""
+
+    start_s: float
+    end_s: float  # the start of the next phrase, or the last count of the song
+    n_counts: int
+    section: int  # index of the section in which it begins
+    repeats: int | None = None  # index of the first phrase that it repeats count by count, None if it is new
+
+
+@dataclass(frozen=True)
+class Form:
+    """The phrases of a song, in order and without gaps. There are none if its bars are not known.
+
+    Examples
+    --------
+    >>> from choreograph.music.form import Form, Phrase
+    >>> first = Phrase(start_s=0.0, end_s=8.0, n_counts=16, section=0, repeats=None)
+    >>> Form((first, Phrase(8.0, 16.0, 16, 1, None), Phrase(16.0, 24.0, 16, 2, repeats=0))).labels
+    (0, 1, 0)
+    """
+
+    phrases: tuple[Phrase, ...]
+
+    @classmethod
+    def empty(cls) -> Form:
+        """The form of a song without counts."""
+        return cls(())
+
+    @property
+    def labels(self) -> tuple[int, ...]:
+        """The index of the first phrase with the same music, of each phrase."""
+        return tuple(
+            index if phrase.repeats is None else phrase.repeats for index, phrase in enumerate(self.phrases)
+        )
+
+
+def song_form(features: NDArray[np.floating], counts: Counts, sections: Sections) -> Form:
+    """The phrases of a song with bars, from the spectral features (Q - 1, 87) of its beat intervals.
+
+    A phrase has four bars from the start of its section. The last one of a section takes the remainder. A
+    phrase repeats another one if their counts have similar features one by one.
+    """
+    if not counts.has_bars or len(sections) == 0:
+        return Form.empty()
+    downbeats = np.flatnonzero(counts.numbers == 1)
+    downbeats = downbeats[downbeats < len(counts) - 1]
+    if len(downbeats) == 0:
+        return Form.empty()
+    beat_features = _standardized(features)  # (Q - 1, F)
+    starts = _phrase_starts(counts.times_s, downbeats, sections.bounds_s)
+    bounds = np.append(starts, len(beat_features))
+    most = _SAME_PHRASE_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
+    phrases: list[Phrase] = []
+    for index, (start, end) in enumerate(pairwise(bounds)):
+        section = int(np.searchsorted(sections.bounds_s[1:-1], counts.times_s[start], side="right"))
+        away = [
+            np.inf
+            if phrase.repeats is not None or phrase.n_counts != end - start
+            else _distance(beat_features, bounds[before], start, phrase.n_counts)
+            for before, phrase in enumerate(phrases)
+        ]
+        nearest = int(np.argmin(away)) if away else 0
+        repeats = nearest if index and away[nearest] < most else None
+        start_s, end_s = float(counts.times_s[start]), float(counts.times_s[end])
+        phrases.append(Phrase(start_s, end_s, int(end - start), section, repeats))
+    return Form(tuple(phrases))
+
+
+def _phrase_starts(times_s: Floats, downbeats: Indices, bounds_s: Floats) -> Indices:
+    """First counts of the phrases (P,), four bars each from the first downbeat of a section."""
+    starts: list[int] = []
+    of_downbeats = np.searchsorted(bounds_s[1:-1], times_s[downbeats], side="right")
+    for section in np.unique(of_downbeats):
+        inside = downbeats[of_downbeats == section]
+        last = max(1, len(inside) - _PHRASE_BARS // 2)  # a shorter remainder belongs to the phrase before it
+        starts += inside[:last:_PHRASE_BARS].tolist()
+    return np.array(starts)
+
+
+def _distance(beat_features: Floats, one: int, other: int, n_counts: int) -> float:
+    """Mean distance of the features of two spans, count by count."""
+    difference = beat_features[one : one + n_counts] - beat_features[other : other + n_counts]
+    return float(np.linalg.norm(difference, axis=1).mean())
+
+
+def song_sections(
+    features: NDArray[np.floating],
+    beat_times_s: NDArray[np.floating],
+    *,
+    downbeat_times_s: NDArray[np.floating] | None = None,
+    change_times_s: NDArray[np.floating] = _NONE,
+) -> Sections:
+    """The sections of a song, bounded by beats (Q,), or by downbeats if those are given.
+
+    `features` are the spectral features (Q - 1, 87) of the intervals between beats (`music.spectral`).
+    Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
+    agglomerative segmentation) to one section per 12 s. Sections shorter than 6 s are merged with the more
+    similar neighbour. Sections with similar mean features get one label. There is a bound at every beat of
+    `change_times_s` (C,), where other music begins (see `music.metrical_level`). A bound that is 1.5 to 4 s
+    from it is moved there. At least 17 beats are needed.
+    """
+    beats_s = np.asarray(beat_times_s, np.float64)
+    if len(beats_s) <= 2 * _MIN_BEATS:
+        return Sections(np.zeros(0), np.zeros(0, np.int64))
+    beat_features = _standardized(features)  # (Q - 1, F)
+    if downbeat_times_s is None or len(downbeat_times_s) == 0:
+        units = np.arange(len(beat_features))
+    else:
+        units = np.union1d(0, np.flatnonzero(np.isin(beats_s[:-1], downbeat_times_s)))
+    starts = _with_changes(_section_starts(beat_features, beats_s, units), beats_s, change_times_s)
+    means = _means(beat_features, starts)
+    threshold = _SAME_SECTION_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
+    if len(means) == 1:
+        return Sections(beats_s[[0, -1]], np.zeros(1, np.int64))
+    labels = fcluster(linkage(means, "average"), threshold, "distance").astype(np.int64) - 1
+    # Neighbours with one label are one section, unless other music begins there.
+    first = np.r_[True, np.diff(labels) != 0] | at_changes(beats_s[starts], change_times_s)
+    return Sections(np.r_[beats_s[starts[first]], beats_s[-1]], labels[first])
+
+
+def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.int64]) -> NDArray[np.int64]:
+    """First beat of each section, (S,), among the first beats (U,) of the units to be merged."""
+    from choreograph.music.cached_librosa import librosa  # a second to import
+
+    most = min(len(beat_features) // _MIN_BEATS, len(units))
+    n_sections = int(np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), min(2, most), most))
+    starts: NDArray[np.int64] = units[
+        np.unique(librosa.segment.agglomerative(_means(beat_features, units).T, n_sections))
+    ]
+    while len(starts) > 1:
+        length_s = np.diff(beats_s[np.append(starts, len(beats_s) - 1)])
+        shortest = int(length_s.argmin())
+        if length_s[shortest] >= _MIN_SECTION_S:
+            break
+        means = _means(beat_features, starts)
+        away = np.linalg.norm(np.diff(means, axis=0), axis=1)  # (S - 1,) of neighbours
+        before = away[shortest - 1] if shortest > 0 else np.inf
+        after = away[shortest] if shortest < len(away) else np.inf
+        starts = np.delete(starts, shortest if before <= after else shortest + 1)
+    return starts
+
+
+def _with_changes(
+    starts: NDArray[np.int64], beats_s: Floats, change_times_s: NDArray[np.floating]
+) -> NDArray[np.int64]:
+    """First beats of sections (S,), those near a change moved to its beat, and the other changes."""
+    bounds = starts[1:].copy()  # the first section begins with the song
+    for change_s in change_times_s:
+        if at_changes(np.array([change_s]), beats_s[bounds])[0]:
+            continue
+        beat = int(np.abs(beats_s - change_s).argmin())
+        away_s = np.abs(beats_s[bounds] - change_s)
+        is_free = ~at_changes(beats_s[bounds], change_times_s)  # not where another change is
+        if np.min(away_s, initial=np.inf, where=is_free) <= _CHANGE_REACH_S:
+            bounds[np.where(is_free, away_s, np.inf).argmin()] = beat
+        elif np.min(away_s, initial=np.inf) > _CHANGE_REACH_S:
+            bounds = np.append(bounds, beat)
+    inside = bounds[(bounds > 0) & (bounds < len(beats_s) - 1)]
+    return np.union1d(starts[:1], inside)
+
+
+def _means(beat_features: Floats, starts: NDArray[np.int64]) -> Floats:
+    """Mean features of the parts that begin at these beats, (S, F)."""
+    return np.stack([part.mean(axis=0) for part in np.split(beat_features, starts[1:])])
+
+
+def _standardized(features: NDArray[np.floating]) -> Floats:
+    """Features (B, 87) of beats as (B, F), every group standardised and weighted."""
+    groups = []
+    for name, weight in _GROUP_WEIGHTS.items():
+        columns = features[:, SPECTRAL_COLUMNS[name]].astype(np.float64)
+        spread = columns.std(axis=0) + 1e-6
+        groups.append(weight * (columns - columns.mean(axis=0)) / spread / np.sqrt(columns.shape[1]))
+    return np.hstack(groups)
