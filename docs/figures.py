@@ -73,7 +73,7 @@ def draw_all(folder: Path) -> None:
 
 
 def draw_song(song: cg.Song, features: cg.SongFeatures, path: Path) -> None:
-    """The waveform with sections, and the strength of onsets with beats and bars."""
+    """The waveform with sections and phrases, and the strength of onsets with beats and bars."""
     figure = Figure(figsize=(8.0, 3.6), dpi=110, layout="constrained")
     wave, onsets = figure.subplots(2, 1, sharex=True)
     times_s = np.arange(len(song.samples)) / len(song.samples) * song.duration_s
@@ -81,6 +81,10 @@ def draw_song(song: cg.Song, features: cg.SongFeatures, path: Path) -> None:
     bounds_s = features.sections.bounds_s
     for start_s, end_s, label in zip(bounds_s[:-1], bounds_s[1:], features.sections.labels, strict=True):
         wave.axvspan(start_s, end_s, alpha=0.2, color=f"C{label}", label=f"section {label + 1}")
+    height = float(np.abs(song.samples).max())
+    for phrase, label in zip(features.form.phrases, features.form.labels, strict=True):
+        wave.vlines(phrase.start_s, -height, height, color="0.2", lw=0.8)
+        wave.text(phrase.start_s + 0.1, -height, f"phrase {label + 1}", fontsize=7)
     wave.legend(loc="upper right")
     wave.set_ylabel("waveform")
     strength = onset_strength(log_mel(song.samples))  # (T,)

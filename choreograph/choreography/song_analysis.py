@@ -24,7 +24,7 @@ from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.music.danced_span import dance_span_s
-from choreograph.music.form import Form, Sections, song_form, song_sections
+from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
 from choreograph.music.mel import log_mel, onset_density
 from choreograph.music.metrical_level import (
     at_changes,
@@ -108,14 +108,15 @@ def analyse_song(
 
 def _structure(song: Song, counts: Counts, report: StepReport | None) -> tuple[Sections, Form]:
     """The sections of a song and its phrases."""
-    features = spectral_features(song.samples, counts.times_s, report=report)
+    bounds_s = phrase_bounds_s(counts, song.duration_s)
+    features = spectral_features(song.samples, bounds_s, report=report)
     sections = song_sections(
-        features,
+        features[: max(0, len(counts) - 1)],
         counts.times_s,
         downbeat_times_s=counts.downbeat_times_s,
         change_times_s=change_times_s(counts),
     )
-    return sections, song_form(features, counts, sections)
+    return sections, song_form(features, bounds_s, counts, sections)
 
 
 def _level_note(song: Song, changed: Sequence[tuple[Counts, Counts]], genre: str | None) -> str:

@@ -22,8 +22,15 @@ _SAME_SECTION_DISTANCE = 0.35  # of the features' deviation. Sections with a low
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
 _CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
 _NONE = np.zeros(0)
-_PHRASE_BARS = 4
-_SAME_PHRASE_DISTANCE = 0.7  # of the features' deviation, as the mean over the counts of two phrases
+# Phrases. The features that are compared, the largest distance of repeats (of the median of two counts), and
+# the terms of the choice of phrases.
+_COMPARED = ("chroma", "chroma_cqt", "mel_db")
+_SAME_PHRASE_DISTANCE = 0.45
+_PENALTIES = {4: 0.0, 2: 1.5, 6: 2.0, 1: 2.5, 3: 2.5, 5: 2.5, 7: 3.0}  # by length in bars
+_CHANGE_WEIGHT = 0.5  # of one standard deviation
+_CHANGE_BARS = 4  # before and after a border
+_SHORTEST_REPEAT_BARS = 3
+_REPEAT_REWARD = 1.5  # of four bars that are repeated exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,53 +82,125 @@ class Form:
         )
 
 
-def song_form(features: NDArray[np.floating], counts: Counts, sections: Sections) -> Form:
-    """The phrases of a song with bars, from the spectral features (Q - 1, 87) of its beat intervals.
+def phrase_bounds_s(counts: Counts, duration_s: float) -> Floats:
+    """The counts (Q,), and the end of the last one if it is in the song: the bounds of what is compared."""
+    times_s = counts.times_s
+    if len(times_s) < 2:
+        return times_s
+    end_s = 2 * times_s[-1] - times_s[-2]
+    return np.append(times_s, end_s) if end_s < duration_s else times_s
 
-    A phrase has four bars from the start of its section. The last one of a section takes the remainder. A
-    phrase repeats another one if their counts have similar features one by one.
+
+def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, sections: Sections) -> Form:
+    """The phrases of a song with bars.
+
+    `features` are the spectral features (B - 1, 87) between the `phrase_bounds_s` (B,) of its counts. Phrases
+    begin on downbeats. Most of them have four bars. They begin where the music changes and where repeats
+    begin. A phrase repeats another one of the same length if their counts have similar features one by one.
     """
     if not counts.has_bars or len(sections) == 0:
         return Form.empty()
     downbeats = np.flatnonzero(counts.numbers == 1)
-    downbeats = downbeats[downbeats < len(counts) - 1]
+    downbeats = downbeats[downbeats < len(features)]
     if len(downbeats) == 0:
         return Form.empty()
-    beat_features = _standardized(features)  # (Q - 1, F)
-    starts = _phrase_starts(counts.times_s, downbeats, sections.bounds_s)
-    bounds = np.append(starts, len(beat_features))
-    most = _SAME_PHRASE_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
+    away = _distances(features)
+    bounds = _phrase_bounds(away, np.append(downbeats, len(features)))
     phrases: list[Phrase] = []
-    for index, (start, end) in enumerate(pairwise(bounds)):
-        section = int(np.searchsorted(sections.bounds_s[1:-1], counts.times_s[start], side="right"))
-        away = [
-            np.inf
-            if phrase.repeats is not None or phrase.n_counts != end - start
-            else _distance(beat_features, bounds[before], start, phrase.n_counts)
+    for start, end in pairwise(bounds.tolist()):
+        section = int(np.searchsorted(sections.bounds_s[1:-1], bounds_s[start], side="right"))
+        same = [
+            _mean_distance(away, bounds[before], start, phrase.n_counts)
+            if phrase.repeats is None and phrase.n_counts == end - start
+            else np.inf
             for before, phrase in enumerate(phrases)
         ]
-        nearest = int(np.argmin(away)) if away else 0
-        repeats = nearest if index and away[nearest] < most else None
-        start_s, end_s = float(counts.times_s[start]), float(counts.times_s[end])
-        phrases.append(Phrase(start_s, end_s, int(end - start), section, repeats))
+        nearest = int(np.argmin(same)) if same else 0
+        repeats = nearest if same and same[nearest] < _SAME_PHRASE_DISTANCE else None
+        phrases.append(
+            Phrase(float(bounds_s[start]), float(bounds_s[end]), int(end - start), section, repeats)
+        )
     return Form(tuple(phrases))
 
 
-def _phrase_starts(times_s: Floats, downbeats: Indices, bounds_s: Floats) -> Indices:
-    """First counts of the phrases (P,), four bars each from the first downbeat of a section."""
-    starts: list[int] = []
-    of_downbeats = np.searchsorted(bounds_s[1:-1], times_s[downbeats], side="right")
-    for section in np.unique(of_downbeats):
-        inside = downbeats[of_downbeats == section]
-        last = max(1, len(inside) - _PHRASE_BARS // 2)  # a shorter remainder belongs to the phrase before it
-        starts += inside[:last:_PHRASE_BARS].tolist()
-    return np.array(starts)
+def _distances(features: NDArray[np.floating]) -> Floats:
+    """Distances of any two counts, (N, N), relative to their median."""
+    groups = []
+    for name in _COMPARED:
+        columns = features[:, SPECTRAL_COLUMNS[name]].astype(np.float64)
+        spread = columns.std(axis=0) + 1e-6
+        groups.append((columns - columns.mean(axis=0)) / spread / np.sqrt(columns.shape[1]))
+    vectors = np.hstack(groups)  # (N, F)
+    squared = np.square(vectors).sum(axis=1)
+    away: Floats = np.sqrt(np.maximum(squared[:, None] + squared - 2 * vectors @ vectors.T, 0.0))
+    return away / max(float(np.median(away)), 1e-9)
 
 
-def _distance(beat_features: Floats, one: int, other: int, n_counts: int) -> float:
-    """Mean distance of the features of two spans, count by count."""
-    difference = beat_features[one : one + n_counts] - beat_features[other : other + n_counts]
-    return float(np.linalg.norm(difference, axis=1).mean())
+def _mean_distance(away: Floats, one: int, other: int, n_counts: int) -> float:
+    """Mean distance of two spans, count by count."""
+    steps = np.arange(n_counts)
+    return float(away[one + steps, other + steps].mean())
+
+
+def _phrase_bounds(away: Floats, bars: Indices) -> Indices:
+    """First counts of the phrases, and the end of the last one, among the bounds of bars (B + 1,).
+
+    The phrases have the greatest sum of two terms: how much the music changes at each start, and the share of
+    counts that have a repeat, minus a penalty for lengths other than four bars.
+    """
+    n_bars = len(bars) - 1
+    change = _changes(away, bars)
+    rewards = _repeat_rewards(away, bars)
+    best = np.full(n_bars + 1, -np.inf)
+    best[0] = 0.0
+    before = np.zeros(n_bars + 1, np.int64)
+    for end in range(1, n_bars + 1):
+        for n, penalty in _PENALTIES.items():
+            start = end - n
+            if start < 0:
+                continue
+            value = best[start] + _CHANGE_WEIGHT * change[start] + rewards[n][start] - penalty
+            if value > best[end]:
+                best[end], before[end] = value, start
+    bounds = [n_bars]
+    while bounds[-1] > 0:
+        bounds.append(int(before[bounds[-1]]))
+    return bars[bounds[::-1]]
+
+
+def _changes(away: Floats, bars: Indices) -> Floats:
+    """How much the music differs before and after the start of each bar, (B,), standardised."""
+    change = np.zeros(len(bars) - 1)
+    for bar in range(1, len(bars) - 1):
+        reach = min(_CHANGE_BARS, bar, len(bars) - 1 - bar)
+        left = slice(bars[bar - reach], bars[bar])
+        right = slice(bars[bar], bars[bar + reach])
+        within = 0.5 * (away[left, left].mean() + away[right, right].mean())
+        change[bar] = away[left, right].mean() - within
+    spread = float(change.std())
+    return (change - change.mean()) / spread if spread > 0 else change
+
+
+def _repeat_rewards(away: Floats, bars: Indices) -> dict[int, Floats]:
+    """For each length in bars, the reward (B,) of a phrase there if another span is the same music."""
+    lengths = np.diff(bars)
+    n_bars = len(lengths)
+    rewards = {n: np.zeros(n_bars) for n in _PENALTIES}
+    of_bars = np.full((n_bars, n_bars), np.inf)  # mean distance of two bars of one length
+    for length in np.unique(lengths):
+        same = np.flatnonzero(lengths == length)
+        counts = bars[same][:, None] + np.arange(length)  # (bars, length)
+        of_bars[np.ix_(same, same)] = away[counts[:, None], counts[None]].mean(axis=2)
+    for n, reward in rewards.items():
+        n_starts = n_bars - n + 1
+        if n < _SHORTEST_REPEAT_BARS or n_starts < 1:
+            continue
+        spans = sum(of_bars[k : k + n_starts, k : k + n_starts] for k in range(n)) / n
+        starts = np.arange(n_starts)
+        overlap = np.abs(starts[:, None] - starts) < n
+        nearest = np.where(overlap, np.inf, spans).min(axis=1)
+        reward[:n_starts] = _REPEAT_REWARD * n / 4 * np.maximum(0.0, 1.0 - nearest / _SAME_PHRASE_DISTANCE)
+    return rewards
 
 
 def song_sections(

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
-from choreograph.music.form import Form, Sections, song_form, song_sections
-from choreograph.music.spectral import SPECTRAL_DIM
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.evaluation.metrics.structure import repeat_f
+from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
+from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
+from content.songs.known_forms import HELD_OUT_FORMS
+from research.song_forms import ids_of
 
 N_COUNTS = 16  # in a phrase
 
@@ -24,7 +28,7 @@ def planted(letters: str, noise: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
 def form_of(letters: str) -> Form:
     features, times_s = planted(letters)
     counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
-    return song_form(features, counts, Sections(times_s[[0, -1]], np.zeros(1, np.int64)))
+    return song_form(features, times_s, counts, Sections(times_s[[0, -1]], np.zeros(1, np.int64)))
 
 
 @pytest.mark.parametrize("letters", ["ABAB", "AABA", "AAAA", "ABACA", "ABCD"])
@@ -44,8 +48,27 @@ def test_a_song_without_bars_or_counts_has_no_phrases():
     features, times_s = planted("AB")
     without_bars = make_counts(times_s, np.zeros(len(times_s), int), 0)
     sections = song_sections(features, times_s)
-    assert song_form(features, without_bars, sections) == Form.empty()
-    assert (
-        song_form(np.zeros((0, SPECTRAL_DIM)), NO_COUNTS, song_sections(features[:0], np.zeros(0)))
-        == Form.empty()
-    )
+    assert song_form(features, times_s, without_bars, sections) == Form.empty()
+    no_sections = song_sections(features[:0], np.zeros(0))
+    assert song_form(features[:0], np.zeros(0), NO_COUNTS, no_sections) == Form.empty()
+
+
+def test_the_last_count_is_compared_if_it_ends_in_the_song():
+    counts = make_counts([0.5, 1.0, 1.5, 2.0], [1, 2, 3, 4], 4)
+    assert phrase_bounds_s(counts, 3.0).tolist() == [0.5, 1.0, 1.5, 2.0, 2.5]
+    assert phrase_bounds_s(counts, 2.2).tolist() == [0.5, 1.0, 1.5, 2.0]
+    assert len(phrase_bounds_s(NO_COUNTS, 3.0)) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("song", HELD_OUT_FORMS[1:14:4], ids=lambda song: song.name)
+def test_repeats_and_borders_of_held_out_songs(song):
+    audio = song.render()
+    mono = audio.samples.mean(axis=1)[::2]
+    bounds_s = phrase_bounds_s(audio.counts, len(mono) / SAMPLE_RATE_HZ)
+    features = spectral_features(mono, bounds_s)
+    sections = song_sections(features[: len(audio.counts) - 1], audio.counts.times_s)
+    form = song_form(features, bounds_s, audio.counts, sections)
+    assert repeat_f(ids_of(form, audio.counts.times_s), audio.ids) >= 0.9
+    starts_s = [phrase.start_s for phrase in form.phrases[1:]]
+    np.testing.assert_allclose(starts_s, audio.borders_s)

@@ -226,6 +226,29 @@ def section_agreement(similarity: Floats, section_labels: Sequence[str] | AnyInt
     return float(pairs[equal].mean() - pairs[~equal].mean())
 
 
+def repeat_f(found_ids: AnyInts, true_ids: AnyInts) -> float:
+    """F-score of the pairs of counts that repeat each other, 0 to 1. Higher is better.
+
+    Both arrays (Q,) have an id for each count of a song. Equal ids are the same music at the same place of
+    its phrase. It equals `mir_eval.segment.pairwise` of one frame per count. The result is 1 if neither has a
+    pair, and 0 if only one of them has.
+
+    Examples
+    --------
+    >>> repeat_f = cg.metrics.structure.repeat_f
+    >>> true_ids = np.array([0, 1, 2, 3, 0, 1, 2, 3])
+    >>> repeat_f(true_ids, true_ids), repeat_f(np.array([0, 1, 2, 3, 0, 1, 4, 5]), true_ids)
+    (1.0, 0.6666666666666666)
+    """
+    found, true = np.asarray(found_ids), np.asarray(true_ids)
+    if found.ndim != 1 or found.shape != true.shape:
+        raise ParameterError(f"expected ids (Q,) of the same counts, got {found.shape} and {true.shape}")
+    one, other = np.triu_indices(len(true), 1)
+    are_found, are_true = found[one] == found[other], true[one] == true[other]
+    total = int(are_found.sum() + are_true.sum())
+    return 2.0 * int((are_found & are_true).sum()) / total if total else 1.0
+
+
 @default_numerics()
 def evaluate(
     motifs: AnyInts,

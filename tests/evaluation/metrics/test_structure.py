@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mir_eval
 import numpy as np
 import pytest
 from golden.regenerate import golden, structure_scores
@@ -160,3 +161,29 @@ def test_broken_input_is_refused():
 
 def test_golden():
     assert structure_scores() == pytest.approx(golden("structure"))
+
+
+def test_repeats_found_exactly_or_not_at_all():
+    true = np.array([0, 1, 2, 0, 1, 2, 3])
+    assert structure.repeat_f(true + 5, true) == 1.0
+    assert structure.repeat_f(np.arange(7), true) == structure.repeat_f(true, np.arange(7)) == 0.0
+    assert structure.repeat_f(np.arange(7), np.arange(7)) == structure.repeat_f(NONE, NONE) == 1.0
+
+
+def test_repeats_at_another_count_of_the_phrase_are_not_repeats():
+    assert structure.repeat_f(np.array([0, 1, 2, 1, 2, 0]), np.array([0, 1, 2, 0, 1, 2])) == 0.0
+
+
+@pytest.mark.parametrize("found", [np.zeros(3, int), np.zeros((2, 2), int)])
+def test_repeats_of_other_counts_are_refused(found):
+    with pytest.raises(ParameterError, match="ids"):
+        structure.repeat_f(found, np.zeros(4, int))
+
+
+def test_repeat_f_is_mir_evals_pairwise_f():
+    rng = np.random.default_rng(5)
+    frames = np.stack([np.arange(40.0), np.arange(40.0) + 1], axis=1)
+    for _ in range(5):
+        found, true = rng.integers(12, size=(2, 40))
+        *_, expected = mir_eval.segment.pairwise(frames, true, frames, found, frame_size=1.0)
+        assert structure.repeat_f(found, true) == pytest.approx(expected)
