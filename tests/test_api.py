@@ -17,13 +17,14 @@ from choreograph.evaluation.results import to_json
 
 USER_SCRIPT = """
 from pathlib import Path
+from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 import choreograph as cg
 
 
 class Low(cg.Cost):
-    def node(self, layer: cg.Layer, song_features: cg.SongFeatures) -> NDArray[np.floating]:
+    def node(self, layer: cg.Layer, song_features: cg.SongFeatures) -> NDArray[np.floating[Any]]:
         return layer.first_pose_m[:, 0, 1]
 
 

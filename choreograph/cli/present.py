@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,7 +116,10 @@ def stages(*, quiet: bool) -> Iterator[Stages]:
         TextColumn("{task.description:<24}"), BarColumn(), TextColumn("{task.completed:.0f}/{task.total}"),
         TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[detail]}", markup=False),
     )  # fmt: skip
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as progress:
+    is_shown = console.is_terminal and not quiet
+    progress = Progress(*columns, console=console, disable=not is_shown)
+    # Not even a disabled one is started: older versions of rich end it with a blank line.
+    with progress if is_shown else nullcontext():
         yield Stages(progress)
 
 
