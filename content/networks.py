@@ -35,8 +35,13 @@ from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
 from choreograph.music.synthesis.song import STYLES, TempoMap
-from choreograph.nets.count_phases import MotionCountsConfig, motion_counts_config
-from choreograph.nets.motion_counts import POINTER, MotionCountsNet, confidence_features
+from choreograph.nets.count_phases import (
+    POINTER,
+    MotionCountsConfig,
+    MotionCountsNet,
+    confidence_features,
+    motion_counts_config,
+)
 from choreograph.nets.style import StyleNets
 from choreograph.nets.training import TrainingContext
 from content.motion_counting import CountedMotion, fit_confidence, train_motion_counts

@@ -25,8 +25,7 @@ from choreograph.music.synthesis.song import STYLES
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.nets.configs import StyleConfig, style_config
 from choreograph.nets.style import StyleNets
-from choreograph.nets.style_data import StyleSong, StyleTake
-from choreograph.nets.style_training import train_style
+from choreograph.nets.style_training import StyleSong, StyleTake, train_style
 from choreograph.nets.training import TrainingContext
 from content.songs.training_songs import counted_song
 from content.starter_takes import take_specs, write_takes

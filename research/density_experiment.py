@@ -43,7 +43,7 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.mel import log_mel
 from choreograph.music.song_features import motion_density, music_density
 from choreograph.nets.density import MotionDensity, MusicDensity
-from choreograph.nets.density_data import random_time_map
+from choreograph.nets.density_training import random_time_map
 from choreograph.nets.style import centred
 from research.warp_scores import recovery_errors_ms, summary_ms
 

@@ -46,8 +46,13 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import autocorrelations, log_mel
 from choreograph.music.song import load_song
-from choreograph.nets.count_phases import motion_counts_config
-from choreograph.nets.motion_counts import POINTER, TEMPI, confidence_features, confidence_of
+from choreograph.nets.count_phases import (
+    POINTER,
+    TEMPI,
+    confidence_features,
+    confidence_of,
+    motion_counts_config,
+)
 from content.motion_counting import CountedMotion, fit_confidence
 from content.networks import (
     Trial,

@@ -29,8 +29,7 @@ from choreograph.music.rhythm import rhythm_features
 from choreograph.music.song import load_song
 from choreograph.nets.configs import MUSIC_INPUTS, STYLE_LOSSES, StyleConfig, style_config
 from choreograph.nets.style import StyleNets
-from choreograph.nets.style_data import StyleSong, StyleTake
-from choreograph.nets.style_training import train_style
+from choreograph.nets.style_training import StyleSong, StyleTake, train_style
 from choreograph.nets.training import TrainingContext
 from content.style_networks import built_in_style_takes, shipped_style_config, style_songs, style_takes
 from research.retrieval import chance_precision, mean_over_groups, precision_at_k

@@ -50,8 +50,13 @@ from choreograph.library.writing import write_repertoire
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_uncertainty, decode_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
-from choreograph.nets.count_phases import motion_counts_config
-from choreograph.nets.motion_counts import POINTER, MotionCountsNet, confidence_features, confidence_of
+from choreograph.nets.count_phases import (
+    POINTER,
+    MotionCountsNet,
+    confidence_features,
+    confidence_of,
+    motion_counts_config,
+)
 from content.motion_counting import CountedMotion, fit_confidence
 from content.networks import (
     RecordedTake,

@@ -26,10 +26,9 @@ from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song_features import motion_density
 from choreograph.nets.configs import density_config
 from choreograph.nets.density import MotionDensity
-from choreograph.nets.density_data import random_time_map
-from choreograph.nets.density_training import train_motion_density
+from choreograph.nets.density_training import random_time_map, train_motion_density
 from choreograph.nets.style import centred
-from choreograph.nets.style_data import StyleTake
+from choreograph.nets.style_training import StyleTake
 from choreograph.nets.training import TrainingContext
 from research.warp_scores import recovery_errors_ms, summary_ms
 

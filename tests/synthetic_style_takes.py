@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from choreograph.music.rhythm import PATTERN, RHYTHM_DIM, TEMPO
-from choreograph.nets.style_data import StyleSong, StyleTake
+from choreograph.nets.style_training import StyleSong, StyleTake
 
 _TEMPO_COLUMNS = {"a": 5, "b": 14, "c": 23}
 

@@ -24,7 +24,6 @@ from choreograph.evaluation.metrics import (
     labels,
     motion_beat_detectors,
     physical,
-    references,
     requests,
 )
 from choreograph.evaluation.metrics.motion_beat_detectors import our_beats_s
@@ -353,7 +352,7 @@ def real_set_scores(
         return {}
     rounds = []
     for _ in range(_HALVINGS):
-        one, other = references.halves(songs, rng)
+        one, other = frechet.halves(songs, rng)
         rounds.append(set_scores([real[i] for i in one], [real[i] for i in other]))
     return {name: float(np.mean([r[name] for r in rounds])) for name in rounds[0]}
 

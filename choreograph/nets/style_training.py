@@ -1,9 +1,9 @@
-"""Training of the style networks on paired takes: equation 1, and a contrastive loss."""
+"""Training of the style networks: paired takes and songs, batches, equation 1, and a contrastive loss."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,252 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyInts
+from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.motion.body import mirrored
+from choreograph.music.mel import N_BANDS
+from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
 from choreograph.nets.configs import StyleConfig
-from choreograph.nets.style import StyleNets
-from choreograph.nets.style_data import StyleBatch, StyleData, StyleSong, StyleTake
+from choreograph.nets.style import MEL_FRAMES, StyleNets, centred, rotated_about_y
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
+
+# Augmentation of the training samples: other recordings of a song, and other bodies for a dance.
+
+
+_NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
+_P_HIDDEN = 0.15  # probability that tempo and metre, or the patterns, are set to zero
+
+
+def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Segments (B, 240, 96) in another key, room and mix. Onset times do not change.
+
+    Each gets a gain of ±10 dB, a smooth filter of ±8 dB, a pitch shift of up to 6 bands and a noise floor.
+    Half of them are mixed with another segment of the batch at -6 to -20 dB. One span of time or bands is
+    masked.
+    """
+    size, frames, bands = log_mel.shape
+    out = np.empty_like(log_mel)
+    floor = log_mel.min()
+    knots = np.linspace(0, bands - 1, 6)
+    for row in range(size):
+        segment = log_mel[row]
+        if rng.random() < 0.5:
+            level = _NEPER_PER_DB * rng.uniform(6, 20)
+            segment = np.logaddexp(segment, log_mel[rng.integers(size)] - level)
+        source = np.clip(np.arange(bands) - rng.integers(-6, 7), 0, bands - 1)
+        curve = np.interp(np.arange(bands), knots, _NEPER_PER_DB * rng.uniform(-8, 8, len(knots)))
+        segment = segment[:, source] + curve + _NEPER_PER_DB * rng.uniform(-10, 10)
+        noise = segment.max() - _NEPER_PER_DB * rng.uniform(30, 90)
+        segment = np.maximum(segment, noise)
+        if rng.random() < 0.5:
+            start = rng.integers(bands)
+            segment[:, start : start + rng.integers(1, 17)] = max(floor, noise)
+        else:
+            start = rng.integers(frames)
+            segment[start : start + rng.integers(1, 41)] = max(floor, noise)
+        out[row] = segment
+    return out
+
+
+def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Rhythm (B, RHYTHM_DIM) up to 7 % faster or slower, with other instruments, sometimes partly zero.
+
+    Tempo and metre, or the patterns, are sometimes set to zero, as in music without beats.
+    """
+    out = np.array(rhythm, np.float32)
+    size = len(out)
+    out[:, TEMPO] = _shifted(out[:, TEMPO], rng.uniform(-1.2, 1.2, size))
+    bands = out[:, PATTERN].reshape(size, N_BANDS, -1)
+    blend = np.eye(N_BANDS) + rng.uniform(0.0, 0.4, (size, N_BANDS, N_BANDS))
+    bands = np.einsum("bij,bjd->bid", blend / blend.sum(axis=2, keepdims=True), bands)
+    bands = bands * np.exp(rng.normal(0.0, 0.15, bands.shape))
+    out[:, PATTERN] = bands.reshape(size, -1)
+    out[:, LOUDNESS] += rng.normal(0.0, 0.5, size)
+    out[:, ONSETS] *= np.exp(rng.normal(0.0, 0.05, size))
+    hidden = rng.random(size)
+    out[hidden < _P_HIDDEN, TEMPO.start : METRE.stop] = 0.0
+    out[hidden > 1.0 - _P_HIDDEN, PATTERN] = 0.0
+    return out
+
+
+def _shifted(rows: NDArray[np.float32], by: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Rows (B, N) moved by fractional columns (B,). The ends are repeated."""
+    position = np.clip(np.arange(rows.shape[1]) + by[:, None], 0, rows.shape[1] - 1.001)
+    low = position.astype(np.int64)
+    weight = position - low
+    return np.take_along_axis(rows, low, 1) * (1 - weight) + np.take_along_axis(rows, low + 1, 1) * weight
+
+
+def augment_body(
+    body_pos_m: NDArray[np.float32], rng: np.random.Generator, *, mirrored_share: float
+) -> NDArray[np.float32]:
+    """Segments (B, 80, 21, 3) centred, some mirrored, rotated by up to 30° and scaled by up to 10 %."""
+    flip = rng.random(len(body_pos_m)) < mirrored_share
+    body = np.where(flip[:, None, None, None], mirrored(body_pos_m), body_pos_m)
+    body = rotated_about_y(centred(body), rng.uniform(-np.pi / 6, np.pi / 6, len(body)))
+    return (body * rng.uniform(0.9, 1.1, (len(body), 1, 1, 1))).astype(np.float32)
+
+
+# Training data of the style networks: takes and songs as arrays, and balanced batches of them.
+
+
+@dataclass(frozen=True, eq=False)
+class StyleSong:
+    """A song as training data."""
+
+    name: str
+    genre: str  # "" if unknown
+    log_mel: NDArray[np.float32]  # (T60, 96) at 60 fps
+    rhythm: NDArray[np.float32]  # (M, RHYTHM_DIM) at 2 fps, from the same time on
+
+    @property
+    def n_starts(self) -> int:
+        """Number of 4 s segments, one starting every half second."""
+        return _n_starts(len(self.log_mel) / MUSIC_FPS)
+
+    def mel_at(self, start: int) -> NDArray[np.float32]:
+        """Log-mel (240, 96) of the segment that starts after `start` half seconds."""
+        frame = start * (MUSIC_FPS // RHYTHM_FPS)
+        return self.log_mel[frame : frame + MEL_FRAMES]
+
+    def rhythm_at(self, starts: AnyInts | int) -> NDArray[np.float32]:
+        """Rhythm (..., RHYTHM_DIM) in the middle of segments."""
+        return self.rhythm[np.minimum(np.add(starts, SEGMENT_S // 2 * RHYTHM_FPS), len(self.rhythm) - 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class StyleTake(StyleSong):
+    """One take as training data. All arrays begin at the motion's first frame."""
+
+    song_name: str  # takes of one song are never each other's negatives
+    body_pos_m: NDArray[np.float32]  # (T20, 21, 3) at 20 fps
+    motion_beat_times_s: NDArray[np.float64]  # (Q,)
+
+    @property
+    def n_starts(self) -> int:
+        """Number of 4 s segments, one starting every half second, that lie inside music and motion."""
+        return _n_starts(min(len(self.log_mel) / MUSIC_FPS, len(self.body_pos_m) / NET_FPS))
+
+    def body_at(self, start: int) -> NDArray[np.float32]:
+        """Body positions (80, 21, 3) of the segment that starts after `start` half seconds."""
+        frame = start * (NET_FPS // RHYTHM_FPS)
+        return self.body_pos_m[frame : frame + SEGMENT_FRAMES]
+
+    def beat_counts(self, starts: AnyInts) -> NDArray[np.float32]:
+        """Motion beats (N,) in the segments from each of `starts` (N,)."""
+        return count_beats(self.motion_beat_times_s, starts / RHYTHM_FPS)
+
+
+@dataclass(frozen=True, eq=False)
+class StyleBatch:
+    """B segments of music with the motion danced to them, then S segments of songs without motion."""
+
+    mel: Tensor  # (B + S, 240, 96)
+    rhythm: Tensor  # (B + S, RHYTHM_DIM)
+    body: Tensor  # (B, 80, 21, 3)
+    n_beats: Tensor  # (B,)
+    song: Tensor  # (B,) integer label
+    genre: Tensor  # (B + S,) integer label, -1 if unknown
+
+    def to(self, device: torch.device) -> StyleBatch:
+        """The batch on a device."""
+        return StyleBatch(*(getattr(self, field.name).to(device) for field in fields(self)))
+
+
+class StyleData:
+    """The takes of a training run, and its songs without takes.
+
+    Raises `ParameterError` if fewer than two songs have 4 s of pairs.
+    """
+
+    def __init__(
+        self, takes: Sequence[StyleTake], songs: Sequence[StyleSong] = (), *, balanced_genres: bool = True
+    ) -> None:
+        self.takes = [take for take in takes if take.n_starts > 0]
+        self.songs = [song for song in songs if song.n_starts > 0]
+        names = sorted({take.song_name for take in self.takes})
+        if len(names) < 2:
+            raise ParameterError(
+                f"expected takes of two songs or more with {SEGMENT_S} s of music and motion to learn style "
+                f"from, got {len(names)}"
+            )
+        examples = [*self.takes, *self.songs]
+        genres = sorted({song.genre for song in examples} - {""})
+        self._song = np.array([names.index(take.song_name) for take in self.takes])
+        self._genre = np.array([genres.index(song.genre) if song.genre else -1 for song in examples])
+        self._of_take = _probability(self.takes, balanced_genres)
+        self._of_song = _probability(self.songs, balanced_genres)
+
+    @property
+    def n_segments(self) -> float:
+        """Length of the takes in segments of 4 s that do not overlap."""
+        return sum((take.n_starts - 1) / (RHYTHM_FPS * SEGMENT_S) + 1 for take in self.takes)
+
+    def statistics(self) -> dict[str, NDArray[np.float32]]:
+        """Means and deviations for standardising inputs, by the names of the buffers of `StyleNets`."""
+        examples = [*self.takes, *self.songs]
+        mel = np.concatenate([song.log_mel for song in examples])
+        rhythm = np.concatenate([song.rhythm for song in examples])
+        counts = np.concatenate([take.beat_counts(np.arange(take.n_starts)) for take in self.takes])
+        return {
+            "mel_mean": mel.mean(axis=0),
+            "mel_std": mel.std(axis=0) + 0.1,
+            "rhythm_mean": rhythm.mean(axis=0),
+            "rhythm_std": rhythm.std(axis=0) + 0.05,
+            "beats_mean": np.array([counts.mean()], np.float32),
+            "beats_std": np.array([counts.std() + 0.1], np.float32),
+        }
+
+    def batch(
+        self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5, augmented: bool = True
+    ) -> StyleBatch:
+        """Random segments of `size` pairs, and as many of songs if there are any, augmented or not."""
+        pairs = rng.choice(len(self.takes), size, p=self._of_take)
+        alone = rng.choice(len(self.songs), size, p=self._of_song) if self.songs else np.zeros(0, np.int64)
+        examples = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]
+        index = np.concatenate([pairs, len(self.takes) + alone])
+        starts = [int(rng.integers(song.n_starts)) for song in examples]
+        takes = [self.takes[i] for i in pairs]
+        mel = np.stack([song.mel_at(start) for song, start in zip(examples, starts, strict=True)])
+        rhythm = np.stack([song.rhythm_at(start) for song, start in zip(examples, starts, strict=True)])
+        body = np.stack([take.body_at(start) for take, start in zip(takes, starts, strict=False)])
+        n_beats = [take.beat_counts(np.array([start]))[0] for take, start in zip(takes, starts, strict=False)]
+        if augmented:
+            mel, rhythm = augment_mel(mel, rng), augment_rhythm(rhythm, rng)
+            body = augment_body(body, rng, mirrored_share=mirrored_share)
+        else:
+            body = centred(body)
+        return StyleBatch(
+            torch.from_numpy(mel),
+            torch.from_numpy(rhythm),
+            torch.from_numpy(body),
+            torch.tensor(np.array(n_beats, np.float32)),
+            torch.from_numpy(self._song[pairs]),
+            torch.from_numpy(self._genre[index]),
+        )
+
+
+def count_beats(beat_times_s: NDArray[np.floating], starts_s: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Motion beats (Q,) within the 4 s from each of `starts_s` (N,): (N,)."""
+    beats, starts = np.sort(beat_times_s), np.asarray(starts_s, np.float64)
+    return (np.searchsorted(beats, starts + SEGMENT_S) - np.searchsorted(beats, starts)).astype(np.float32)
+
+
+def _n_starts(duration_s: float) -> int:
+    return int(max(0.0, (duration_s - SEGMENT_S) * RHYTHM_FPS + 1))
+
+
+def _probability(songs: Sequence[StyleSong], balanced_genres: bool) -> NDArray[np.float64]:
+    """Probabilities of drawing each song or take, with equally likely genres, or equally likely segments."""
+    if balanced_genres:
+        genres = np.array([song.genre for song in songs])
+        weight = np.array([1.0 / np.sum(genres == genre) for genre in genres])
+    else:
+        weight = np.array([song.n_starts for song in songs], np.float64)
+    result: NDArray[np.float64] = weight / np.sum(weight)
+    return result
+
 
 # Losses of the style networks: equation 1, and a contrastive loss across the batch.
 

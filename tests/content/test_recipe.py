@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from choreograph.library.store import read_networks
-from choreograph.nets.motion_counts import MotionCountsNet
+from choreograph.nets.count_phases import MotionCountsNet
 from choreograph.nets.style import StyleNets
 from content import networks as recipe
 from content import style_networks as style_recipe

@@ -11,14 +11,14 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.nets.configs import density_config
 from choreograph.nets.density import MotionDensity
-from choreograph.nets.density_data import (
+from choreograph.nets.density_training import (
     MusicDensityData,
+    interpolate_curves,
     random_time_map,
     synchronising_map,
     target_density,
     warped_pairs,
 )
-from choreograph.nets.density_training import interpolate_curves
 
 
 @given(

@@ -7,12 +7,13 @@ from synthetic_style_takes import click_take
 from torch import nn
 
 from choreograph.nets.density import standardised
-from choreograph.nets.density_data import WarpedPairs, warped_pairs
 from choreograph.nets.density_training import (
     DensityOutputs,
+    WarpedPairs,
     interpolate_curves,
     location_loss,
     reconstruction_loss,
+    warped_pairs,
 )
 
 

@@ -9,8 +9,12 @@ from torch import nn
 from choreograph.core.errors import ParameterError
 from choreograph.nets.configs import density_config
 from choreograph.nets.density import MotionDecoder, MotionDensity, MusicDensity
-from choreograph.nets.density_data import warped_pairs
-from choreograph.nets.density_training import density_loss, train_motion_density, train_music_density
+from choreograph.nets.density_training import (
+    density_loss,
+    train_motion_density,
+    train_music_density,
+    warped_pairs,
+)
 from choreograph.nets.style import centred
 from choreograph.nets.training import TrainingContext
 

@@ -13,8 +13,13 @@ from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
-from choreograph.nets.count_phases import MotionCountsConfig, motion_counts_config
-from choreograph.nets.motion_counts import N_FEATURES, MotionCountsNet, motion_features
+from choreograph.nets.count_phases import (
+    N_FEATURES,
+    MotionCountsConfig,
+    MotionCountsNet,
+    motion_counts_config,
+    motion_features,
+)
 from content.motion_counting import CountedMotion, MotionData, train_motion_counts
 
 TINY = motion_counts_config("tiny")

@@ -11,8 +11,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.music.rhythm import RHYTHM_DIM
 from choreograph.nets.configs import style_config
 from choreograph.nets.style import StyleNets, centred, rotated_about_y
-from choreograph.nets.style_data import StyleData
-from choreograph.nets.style_training import pair_loss, train_style
+from choreograph.nets.style_training import StyleData, pair_loss, train_style
 
 pytestmark = pytest.mark.slow
 

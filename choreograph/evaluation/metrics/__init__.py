@@ -18,8 +18,7 @@ Music and dance
 Realism
 
 - `fid` — FID_k, FID_g and diversity of kinetic and geometric features
-- `frechet` — Fréchet distance of Gaussians, FPD of poses and FMD of movements
-- `references` — halves of the real data and chance dances, with which distances are compared
+- `frechet` — Fréchet distance of Gaussians, FPD of poses and FMD of movements, with their floor and ceiling
 
 Physics
 

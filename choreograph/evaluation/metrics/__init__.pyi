@@ -10,7 +10,6 @@ from . import front as front
 from . import labels as labels
 from . import motion_beat_detectors as motion_beat_detectors
 from . import physical as physical
-from . import references as references
 from . import requests as requests
 from . import structure as structure
 from . import transitions as transitions

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.evaluation.metrics.counts import beat_positions
-from choreograph.evaluation.metrics.references import halves
+from choreograph.evaluation.metrics.frechet import halves
 
 ROUNDS = 50  # splits of the experts
 _NAMES = ("phase_distance", "phase_distance_chance", "phase_distance_halves", "phase_nearness")

@@ -17,22 +17,27 @@ otherwise. Rigs with different rest poses raise an error: retarget one side firs
 Regularisation: none. tr (C C')^½ is the sum of the singular values of FᵀF' with C = FFᵀ, which is exact for
 singular covariances too, where the usual matrix square root fails. Small samples still bias the distance
 upwards, more so with fewer samples per dimension (3 per joint, 9 for FMD), and the frames of one dance are
-hardly independent. So compare sets of equal size, and report the distance between `references.halves` of the
+hardly independent. So compare sets of equal size, and report the distance between `halves` of the
 real dances with it. The paper's values (9.87 ± 0.01 for all systems) depend on its skeleton. We could
 not reproduce their scale.
+
+References: a distance between sets of dances means little alone. The floor is the distance between two
+halves of the real dances, split by song (`halves`). The ceiling is the distance of a body that stands still,
+or whose joints or frames are shuffled, from the real dances (`CHANCE`). Other distances have the same
+references.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, default_numerics
+from choreograph.core.numerics import Floats, Indices, default_numerics
 from choreograph.core.timebase import NET_FPS
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
@@ -197,7 +202,7 @@ def fmd(dances: Sequence[Motion], real: Sequence[Motion]) -> float:
     Examples
     --------
     >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
-    >>> held = cg.metrics.references.still(motion, np.random.default_rng(0))
+    >>> held = cg.metrics.frechet.still(motion, np.random.default_rng(0))
     >>> cg.metrics.frechet.fmd([held], [motion]) > cg.metrics.frechet.fmd([motion], [motion])
     True
     """
@@ -244,3 +249,79 @@ def _check_rest(one: Skeleton, other: Skeleton) -> None:
                 f"expected rigs with the same rest pose, got {joint} {np.degrees(angle):.0f}° apart: "
                 "retarget one side to the other's skeleton first"
             )
+
+
+# References for a distance: halves of the real data as the floor, chance dances as the ceiling.
+
+
+def halves(groups: Sequence[str], rng: np.random.Generator) -> tuple[Indices, Indices]:
+    """Split items 0 … len(groups) - 1 into halves (N,), (N',) so that no group (song, dancer) is in both.
+
+    Groups are drawn in random order and go to the half that has fewer items so far. Raises `ParameterError`
+    if there are fewer than two groups.
+
+    Examples
+    --------
+    >>> songs = ["a", "a", "b", "b"]
+    >>> one, other = cg.metrics.frechet.halves(songs, np.random.default_rng(0))
+    >>> {songs[i] for i in one} & {songs[i] for i in other}
+    set()
+    """
+    names = np.asarray(groups)
+    different = np.unique(names)
+    if len(different) < 2:
+        raise ParameterError(f"expected items of at least 2 groups to halve, got {len(different)}")
+    parts: tuple[list[int], list[int]] = ([], [])
+    for group in rng.permutation(different):
+        min(parts, key=len).extend(np.flatnonzero(names == group).tolist())
+    return np.sort(np.array(parts[0])), np.sort(np.array(parts[1]))
+
+
+def still(motion: Motion, rng: np.random.Generator) -> Motion:
+    """The motion frozen in one random frame.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> held = cg.metrics.frechet.still(motion, np.random.default_rng(0))
+    >>> held.n_frames == motion.n_frames, np.ptp(held.root_pos_m, axis=0)
+    (True, array([0., 0., 0.]))
+    """
+    return motion.sampled(np.full(motion.n_frames, float(rng.integers(motion.n_frames))))
+
+
+def shuffled_joints(motion: Motion, rng: np.random.Generator) -> Motion:
+    """The motion with the rotations of all joints but the root permuted, in the same way in all frames.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> shuffled = cg.metrics.frechet.shuffled_joints(motion, np.random.default_rng(0))
+    >>> bool(np.allclose(shuffled.local_quat[:, 0], motion.local_quat[:, 0]))
+    True
+    """
+    order = np.concatenate([[0], 1 + rng.permutation(motion.skeleton.n_joints - 1)])
+    return replace(motion, local_quat=motion.local_quat[:, order])
+
+
+def shuffled_frames(motion: Motion, rng: np.random.Generator) -> Motion:
+    """The motion with its poses in random order and its root path unchanged.
+
+    The set of poses stays the same at this rate only: resample before shuffling, not after.
+
+    Examples
+    --------
+    >>> motion, _ = cg.starter_repertoire().motion(0, 0.0, 4.0)  # 4 s of a built-in take
+    >>> shuffled = cg.metrics.frechet.shuffled_frames(motion, np.random.default_rng(0))
+    >>> bool(np.allclose(shuffled.root_pos_m, motion.root_pos_m))
+    True
+    """
+    quat = motion.local_quat[rng.permutation(motion.n_frames)]
+    return replace(motion, local_quat=rot.make_continuous(quat))
+
+
+CHANCE: Mapping[str, Callable[[Motion, np.random.Generator], Motion]] = {
+    "still": still,
+    "joints shuffled": shuffled_joints,
+    "frames shuffled": shuffled_frames,
+}

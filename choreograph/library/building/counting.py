@@ -2,7 +2,7 @@
 
 A recording and the file of its song may begin at different times, as in dance-with-melody. So the beats of
 the song are the counts of a take only if the motion is slow on the beats throughout the take. Otherwise a
-pretrained network (`nets.motion_counts`) estimates the counts from the motion. Their confidence is the
+pretrained network (`nets.count_phases`) estimates the counts from the motion. Their confidence is the
 expected share of right counts. If the confidence is too low, or the uncertainty of the counts too high, the
 take stays without counts. Uncertain counts are better than motion beats (`research/results/warping.md`).
 """
@@ -130,7 +130,7 @@ def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounte
     stored = pretrained[MOTION_NET].arrays
 
     def count(body_pos_m: NDArray[np.floating]) -> Counts:
-        from choreograph.nets.motion_counts import MotionCountsNet
+        from choreograph.nets.count_phases import MotionCountsNet
 
         return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
 

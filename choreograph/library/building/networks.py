@@ -28,7 +28,7 @@ from choreograph.music.rhythm import rhythm_features
 
 if TYPE_CHECKING:
     from choreograph.nets.stored import StoredNet
-    from choreograph.nets.style_data import StyleTake
+    from choreograph.nets.style_training import StyleTake
     from choreograph.nets.training import TrainingContext
 
 # The content of a training: checksums of takes, and the options that matter. A checkpoint of other content is
@@ -295,7 +295,7 @@ def _stored(net: StoredNet) -> NetArrays:
 
 def style_take(measured: MeasuredTake, songs: SongCache) -> StyleTake:
     """A take for the training of style, with its part of the song. Raises `FormatError` if there is none."""
-    from choreograph.nets.style_data import StyleTake
+    from choreograph.nets.style_training import StyleTake
 
     take = measured.take
     assert take.song_path is not None  # only takes with music are passed

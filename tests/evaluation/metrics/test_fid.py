@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics import fid, geometric_relations, references
+from choreograph.evaluation.metrics import fid, frechet, geometric_relations
 from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -285,9 +285,9 @@ def test_real_dances_score_better_than_chance(shared_data):
     others = [motions[1], motions[3]]
     rng = np.random.default_rng(0)
     scores = fid.evaluate(fid.features_of(others, piece_s=5.0), real)
-    still = fid.evaluate(fid.features_of([references.still(m, rng) for m in others], piece_s=5.0), real)
+    still = fid.evaluate(fid.features_of([frechet.still(m, rng) for m in others], piece_s=5.0), real)
     mixed = fid.evaluate(
-        fid.features_of([references.shuffled_joints(m, rng) for m in others], piece_s=5.0), real
+        fid.features_of([frechet.shuffled_joints(m, rng) for m in others], piece_s=5.0), real
     )
     assert scores["fid_g"] < still["fid_g"] and scores["fid_g"] < mixed["fid_g"]
     assert scores["fid_k"] < mixed["fid_k"]

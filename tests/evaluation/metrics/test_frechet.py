@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import sqrtm
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics import frechet, references
+from choreograph.evaluation.metrics import frechet
 from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -93,7 +93,7 @@ def test_the_distance_of_a_set_to_itself_is_zero():
 @given(angle=st.floats(-1.5, 1.5))
 def test_one_bent_elbow_is_its_angle_squared(angle):
     """All poses of one side bend the elbow by a constant angle: FPD is angle², FMD three times that."""
-    still = references.still(_dance(3), np.random.default_rng(0))
+    still = frechet.still(_dance(3), np.random.default_rng(0))
     straight, bent = np.array(still.local_quat), np.array(still.local_quat)
     elbow = still.skeleton.index("left_elbow")
     straight[:, elbow] = rot.IDENTITY
@@ -152,7 +152,7 @@ def test_extra_joints_between_and_missing_ones_do_no_harm():
 
 def test_movements_depend_on_order_and_poses_do_not():
     dance = _dance(7, 600)
-    mixed = references.shuffled_frames(dance, np.random.default_rng(0))
+    mixed = frechet.shuffled_frames(dance, np.random.default_rng(0))
     assert frechet.fpd([mixed], [dance]) == pytest.approx(0, abs=1e-9)
     assert frechet.fmd([mixed], [dance]) > 0.5
 
@@ -191,5 +191,56 @@ def test_real_dances_are_closer_to_each_other_than_chance(shared_data):
     one, other = [motions[0], motions[2]], [motions[1], motions[3]]
     real = frechet.evaluate(one, other)
     rng = np.random.default_rng(0)
-    mixed = frechet.evaluate([references.shuffled_joints(m, rng) for m in one], other)
+    mixed = frechet.evaluate([frechet.shuffled_joints(m, rng) for m in one], other)
     assert mixed["fpd"] > 2 * real["fpd"] and mixed["fmd"] > 2 * real["fmd"]
+
+
+def _random_motion(seed: int = 0, n_frames: int = 40) -> Motion:
+    rng = np.random.default_rng(seed)
+    quat = rot.from_rotvec(rng.normal(0, 0.3, (n_frames, 24, 3)))
+    return Motion(canonical_skeleton(), rng.normal(0, 1, (n_frames, 3)), rot.make_continuous(quat), 20.0)
+
+
+@given(groups=st.lists(st.sampled_from("abcdefg"), min_size=2, max_size=40), seed=st.integers(0, 99))
+def test_halves_split_the_items_and_no_group(groups, seed):
+    if len(set(groups)) < 2:
+        with pytest.raises(ParameterError, match="2 groups"):
+            frechet.halves(groups, np.random.default_rng(seed))
+        return
+    one, other = frechet.halves(groups, np.random.default_rng(seed))
+    assert sorted([*one, *other]) == list(range(len(groups)))
+    assert not {groups[i] for i in one} & {groups[i] for i in other}
+    assert len(one) and len(other)
+    largest = max(groups.count(group) for group in groups)
+    assert abs(len(one) - len(other)) <= largest
+
+
+def test_still_freezes_one_of_the_poses():
+    motion = _random_motion()
+    frozen = frechet.still(motion, np.random.default_rng(1))
+    assert frozen.n_frames == motion.n_frames
+    assert np.ptp(frozen.joint_pos_m(), axis=0).max() < 1e-12
+    assert np.abs(motion.joint_pos_m() - frozen.joint_pos_m()[0]).max(axis=(1, 2)).min() < 1e-9
+
+
+def test_shuffled_joints_keep_the_root_and_the_set_of_rotations():
+    motion = _random_motion()
+    mixed = frechet.shuffled_joints(motion, np.random.default_rng(1))
+    assert np.array_equal(mixed.local_quat[:, 0], motion.local_quat[:, 0])
+    assert not np.allclose(mixed.local_quat, motion.local_quat)
+    for frame in (0, 20):
+        assert np.allclose(np.sort(mixed.local_quat[frame], 0), np.sort(motion.local_quat[frame], 0))
+
+
+def test_shuffled_frames_keep_the_set_of_poses():
+    motion = _random_motion()
+    mixed = frechet.shuffled_frames(motion, np.random.default_rng(1))
+    assert np.array_equal(mixed.root_pos_m, motion.root_pos_m)
+    poses = [np.sort(np.abs(m.local_quat.reshape(m.n_frames, -1)).sum(axis=1)) for m in (motion, mixed)]
+    assert np.allclose(poses[0], poses[1])
+    assert not np.allclose(mixed.local_quat, motion.local_quat)
+
+
+def test_chance_motions_keep_their_length():
+    for chance in frechet.CHANCE.values():
+        assert chance(_random_motion(), np.random.default_rng(0)).duration_s == _random_motion().duration_s
