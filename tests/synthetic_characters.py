@@ -11,8 +11,8 @@ from choreograph.formats.glb import _add_mesh
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
-from choreograph.motion.mannequin.skinned_mesh import build_mannequin, skin_matrices
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+from choreograph.motion.skinned_mesh import build_mannequin, skin_matrices
 
 _LIMBS = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 MIXAMO = {

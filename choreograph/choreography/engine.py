@@ -1,15 +1,21 @@
-"""The interface of engines, which make a plan from the features of a song and constraints."""
+"""The interface of engines, which make a plan from the features of a song and constraints, and their names.
+
+A new engine is one class and one line in `BUILTIN_ENGINES`. Another package adds a class by an entry point of
+the group `choreograph.engines`, under the engine's name.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields
+from pkgutil import resolve_name
 from typing import Any, Protocol
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.costs import Cost
 from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
+from choreograph.core import installed
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
@@ -18,8 +24,14 @@ from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan
-from choreograph.settings import DanceConfig
+from choreograph.settings import ENGINE_GROUP, DanceConfig
 
+# The built-in engines. Their modules import this one, so they are imported when `engines` is called.
+BUILTIN_ENGINES = {
+    "graph": "choreograph.choreography.graph.engine:GraphEngine",
+    "mixer": "choreograph.choreography.mixer.engine:MixerEngine",
+    "rollout": "choreograph.choreography.rollout.engine:RolloutEngine",
+}
 COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every engine uses
 
 
@@ -105,6 +117,17 @@ class Engine(Protocol):
 
     def plan(self, request: DanceRequest) -> EngineResult:
         """Plan the dance. Raise `NoPathError` if the constraints leave none."""
+
+
+def engines() -> dict[str, Engine]:
+    """The engines by name: the built-in ones, then those of other packages."""
+    kinds = {name: resolve_name(place) for name, place in BUILTIN_ENGINES.items()}
+    return {name: kind() for name, kind in {**kinds, **installed(ENGINE_GROUP)}.items()}
+
+
+def engine_for(config: DanceConfig, constraints: Constraints) -> str:
+    """The engine of `config`, or the mixer instead of the graph engine for a whole sequence of motifs."""
+    return "mixer" if constraints.motifs and config.engine == "graph" else config.engine
 
 
 def check_settings(

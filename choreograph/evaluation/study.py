@@ -23,10 +23,10 @@ from choreograph.evaluation.results import REAL
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.evaluation.variants import Variant, dance_variant
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skinned_mesh import build_mannequin
 from choreograph.view.page_data import (
     ROTVEC_STEP_RAD,
     bundle_scripts,

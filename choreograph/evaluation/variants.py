@@ -14,7 +14,7 @@ import numpy as np
 
 from choreograph import settings as published
 from choreograph.choreography.constraints import Constraints
-from choreograph.choreography.engines import engines
+from choreograph.choreography.engine import engines
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.core.files import atomic_path, locked_folder, sha256_of
 from choreograph.core.timebase import CLIP_S, NODE_FRAMES, SEGMENT_S

@@ -12,10 +12,10 @@ from choreograph.formats.gltf_document import INDICES, VERTICES, GltfDocument
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, text_names
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
-from choreograph.motion.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
 
 ANIMATION_NAME = "dance"
 _ROUGHNESS = 0.85

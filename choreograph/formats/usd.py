@@ -13,8 +13,8 @@ from choreograph.formats.glb import linear_light
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
-from choreograph.motion.mannequin.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
 from choreograph.motion.motion import Motion
+from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
 
 if TYPE_CHECKING:
     from pxr import Usd

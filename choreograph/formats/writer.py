@@ -16,7 +16,7 @@ from choreograph.core import __version__
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, descendants
 from choreograph.motion import rotations as rot
-from choreograph.motion.mannequin.bind_pose import Body, standing_body
+from choreograph.motion.bind_pose import Body, standing_body
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton

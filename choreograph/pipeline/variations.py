@@ -9,7 +9,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.engines import engines
+from choreograph.choreography.engine import engines
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path

@@ -18,9 +18,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import zigzag_encode
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
-from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
+from choreograph.motion.skinned_mesh import SkinnedMesh, build_mannequin
 
 # Compression of motion and mesh. `page/decompress.js` is the decoder.
 #

@@ -19,8 +19,8 @@ from choreograph.core.numerics import Floats
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.body import body_pos_m, ground_pos_m
 from choreograph.motion.kinematics import forward
-from choreograph.motion.mannequin.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.motion.motion import Motion
+from choreograph.motion.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.view import render_kernels as kernels
 
 F32 = NDArray[np.float32]

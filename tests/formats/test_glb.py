@@ -10,8 +10,8 @@ from synthetic_motions import on_other_axes, swaying
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.register import save_motion
 from choreograph.motion.kinematics import forward
-from choreograph.motion.mannequin.skinned_mesh import build_mannequin, skin_matrices
 from choreograph.motion.motion import Motion
+from choreograph.motion.skinned_mesh import build_mannequin, skin_matrices
 
 
 @pytest.mark.parametrize(

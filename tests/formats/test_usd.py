@@ -16,8 +16,8 @@ from synthetic_motions import on_other_axes, swaying
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.formats.register import save_motion
-from choreograph.motion.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
+from choreograph.motion.skinned_mesh import build_mannequin
 
 pxr = pytest.importorskip("pxr", reason="usd-core is not installed")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation, Vt  # noqa: E402

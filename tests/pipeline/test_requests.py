@@ -12,7 +12,7 @@ import pytest
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.choreography.engines import engines
+from choreograph.choreography.engine import engines
 from choreograph.cli.dance import command
 from choreograph.core.errors import ChoreographError
 from choreograph.pipeline import dancing

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.mannequin.skinned_mesh import build_mannequin
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skinned_mesh import build_mannequin
 from choreograph.view.page_data import ROTVEC_STEP_RAD, CompressedMotion, compress_mesh, compress_motion
 
 

@@ -8,8 +8,8 @@ from synthetic_motions import swaying
 
 from choreograph.core.errors import ParameterError
 from choreograph.motion import rotations as rot
-from choreograph.motion.mannequin.skinned_mesh import PARTS, build_mannequin
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skinned_mesh import PARTS, build_mannequin
 from choreograph.view.renderer import Camera, follow_camera, render_pose
 
 SKELETON = canonical_skeleton()

@@ -19,7 +19,7 @@ class Piece:
     triangles: NDArray[np.int64]  # (F, 3) counter-clockwise seen from outside
     joints: NDArray[np.int64]  # (V, 2)
     weights: Floats  # (V, 2) rows sum to 1
-    parts: NDArray[np.int64]  # (F,) index into `motion.mannequin.skinned_mesh.PARTS`
+    parts: NDArray[np.int64]  # (F,) index into `motion.skinned_mesh.PARTS`
 
 
 @dataclass(frozen=True, eq=False)

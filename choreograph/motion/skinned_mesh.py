@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
-from choreograph.motion.mannequin.bind_pose import standing_body
-from choreograph.motion.mannequin.lofting import Piece, vertex_normals
-from choreograph.motion.mannequin.mesh import arm, hand, head, knob, leg, neck, shoe, taper, trunk
+from choreograph.motion.bind_pose import standing_body
+from choreograph.motion.lofting import Piece, vertex_normals
+from choreograph.motion.mannequin import arm, hand, head, knob, leg, neck, shoe, taper, trunk
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 

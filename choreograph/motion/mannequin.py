@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.numerics import Floats
-from choreograph.motion.mannequin.bind_pose import UP, Body
-from choreograph.motion.mannequin.lofting import (
+from choreograph.motion.bind_pose import UP, Body
+from choreograph.motion.lofting import (
     Piece,
     Rings,
     ellipsoid,
