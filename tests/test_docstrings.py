@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
 import inspect
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -71,3 +73,25 @@ def test_every_public_method_has_a_docstring(name):
         if not (value.__doc__ or "").strip()
     }
     assert not silent, f"public methods of {name} without docstring: {silent}"
+
+
+def test_every_public_function_of_the_package_has_a_docstring():
+    """An override has the docstring of the method that it overrides, a setter that of its property."""
+    trees = {path: ast.parse(path.read_text("utf-8")) for path in Path(cg.__file__).parent.rglob("*.py")}
+    classes = {n.name: n for tree in trees.values() for n in ast.walk(tree) if isinstance(n, ast.ClassDef)}
+
+    def is_documented(name: str, owner: ast.ClassDef) -> bool:
+        own = [m for m in owner.body if isinstance(m, ast.FunctionDef) and m.name == name]
+        bases = [classes[ast.unparse(b)] for b in owner.bases if ast.unparse(b) in classes]
+        return any(map(ast.get_docstring, own)) or any(is_documented(name, base) for base in bases)
+
+    silent = []
+    for path, tree in trees.items():
+        for owner in (tree, *(n for n in tree.body if isinstance(n, ast.ClassDef) and n.name[0] != "_")):
+            for n in owner.body:
+                if not isinstance(n, ast.FunctionDef | ast.ClassDef) or n.name.startswith("_"):
+                    continue
+                inherits = isinstance(owner, ast.ClassDef) and is_documented(n.name, owner)
+                if not (ast.get_docstring(n) or inherits):
+                    silent.append(f"{path}:{n.lineno} {n.name}")
+    assert not silent, silent

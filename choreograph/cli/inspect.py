@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import shutil
@@ -286,7 +287,7 @@ def _is_copy(path: Path, song: Path) -> bool:
     epilog=examples(
         "choreograph settings                    explains each setting, with its default",
         "choreograph settings selection          only this one",
-        "choreograph settings weights            the weights of the costs, with their defaults",
+        "choreograph settings weights            explains the costs, with their default weights",
         "choreograph settings --build            the settings of build-db",
         "choreograph settings --toml > mine.toml    for `choreograph dance --config`",
     ),
@@ -317,8 +318,25 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
             click.echo(f"{setting.name}: {setting.kind}, default {setting.default!r}")
             click.echo(click.wrap_text(setting.text, 100, "    ", "    ") + "\n")
     if name == "weights" and not toml:
+        explained = _explained_costs()
         for cost in cost_names():
             click.echo(f"    {cost} = {DEFAULT_WEIGHTS.get(cost, '(of another package, unused)')}")
+            click.echo(click.wrap_text(explained[cost], 100, "        ", "        "))
+
+
+def _explained_costs() -> dict[str, str]:
+    """What each cost measures and when to change its weight, by the docstrings of their classes."""
+    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
+    from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
+    from choreograph.settings import cost_names
+
+    added = map(type, installed_costs(cost_names()))
+    explained = {}
+    for kind in (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS, *added):
+        text = inspect.getdoc(kind) or ""
+        _, raise_it, where = " ".join(text.split()).partition("Raise its weight")
+        explained[kind.name] = " ".join(filter(None, [text.partition("\n")[0], raise_it + where]))
+    return explained
 
 
 def _as_toml(setting: Setting) -> list[str]:

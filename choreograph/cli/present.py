@@ -141,6 +141,7 @@ class Command(click.Command):
     """A command that raises an error for a repeated option, unless it is repeatable. Click uses the last."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse as click does. Raises `ParameterError` for an option that is given twice."""
         _, _, given = self.make_parser(ctx).parse_args(list(args))
         for option in given:
             repeatable = not isinstance(option, click.Option) or option.multiple or option.count
@@ -155,6 +156,7 @@ class Seconds(_Floats):
     name = "seconds"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The time in seconds. Reports a value that is no time as click does."""
         try:
             return parse_seconds(value) if isinstance(value, str) else float(value)
         except ParameterError as error:

@@ -10,6 +10,7 @@ import bpy
 
 
 def main() -> None:
+    """Convert the file IN to the file OUT."""
     source, target = sys.argv[sys.argv.index("--") + 1 :][:2]
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if source.lower().endswith(".fbx"):

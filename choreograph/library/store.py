@@ -106,6 +106,7 @@ def stored_array(file: h5py.File, name: str) -> StoredArray:
 
 
 def member_names(file: h5py.File, group: str, most: int) -> list[str]:
+    """The sorted names in a group. Raises `RepertoireError` if it is no group, or has more than `most`."""
     check_link(file, group)
     members = file[group]
     if not isinstance(members, h5py.Group) or len(members) > most:
@@ -124,6 +125,7 @@ def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
 
 
 def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
+    """An attribute that is one text or whole number. Raises `RepertoireError` for anything else."""
     value = scalar(owner, name)
     if not isinstance(value, str if kind is str else np.integer):
         raise RepertoireError(
@@ -133,6 +135,7 @@ def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
 
 
 def from_json(text: str, what: str) -> dict[str, Any]:
+    """The JSON object in a text. Raises `RepertoireError`, which names `what`, for anything else."""
     try:
         data = json.loads(text)
     except (TypeError, ValueError, RecursionError) as error:

@@ -32,7 +32,8 @@ class Cost:
 
     A node is one second of a warped take. An edge leads from a node of one second to a node of the next.
     Subclass `Cost` and override `node`, `edge` or both. Values may have any unit, since the weight of the
-    cost scales them. `inf` forbids a node or an edge, and `nan` is an error.
+    cost scales them. `inf` forbids a node or an edge, and `nan` is an error. `choreograph settings
+    weights` prints the first line of the docstring, and what follows "Raise its weight".
 
     Attributes
     ----------
@@ -115,7 +116,10 @@ class Cost:
 
 
 class Style(Cost):
-    """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5)."""
+    """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5).
+
+    Raise its weight for clips that are nearer to the style of the music.
+    """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         distance: AnyFloats = np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
@@ -129,7 +133,8 @@ class Completeness(Cost):
     the border to the first one after it (ChoreoGraph, section 3.3). In a second without a beat, the gap
     extends to its far end. Unlike in the paper, staying in a take that is aligned by its counts costs
     nothing. Its figures determine where an action is complete (`Phrasing`). If such takes were left where the
-    body rests, dances would rest more than their dancers do.
+    body rests, dances would rest more than their dancers do. Raise its weight for longer passages of takes
+    without counts.
     """
 
     min_jump_cost = 1.0
@@ -150,7 +155,7 @@ class Transition(Cost):
 
     It is the paper's ‖·‖₂ over all joints, divided by √21 so that it is in metres for any number of joints.
     It is measured at the border of the two seconds, where consecutive nodes of a segment have the distance 0.
-    The first node costs nothing.
+    The first node costs nothing. Raise its weight if poses differ too much where takes change.
     """
 
     min_jump_cost = 0.0
@@ -164,7 +169,7 @@ class Velocity(Cost):
 
     It is 0 if both bodies move in the same way, and up to 2 if one rests or they move in opposite directions.
     Without the division, it would be least where both rest. Takes would change there, and dances would rest
-    more than their dancers do.
+    more than their dancers do. Raise its weight if the motion stops or turns where takes change.
     """
 
     min_jump_cost = 0.0
@@ -182,7 +187,7 @@ class Rhythm(Cost):
 
     The paper's costs do not measure the result of the warp, and select clips that cannot be warped to the
     beat. A node that is aligned by the counts of its take costs only the uncertainty of counts that were
-    estimated from the motion.
+    estimated from the motion. Raise its weight if takes without counts miss the beats of the song.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -193,7 +198,8 @@ class Rhythm(Cost):
 class Accents(Cost):
     """Share of unmatched motion and music beats of a node that is aligned by the counts of its take (ours).
 
-    Dancers rarely come to rest on the count itself. With a high weight, dances stop on every beat.
+    Dancers rarely come to rest on the count itself. With a high weight, dances stop on every beat. Raise its
+    weight for motion that rests on the beats.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -203,7 +209,8 @@ class Accents(Cost):
 class Bars(Cost):
     """Share of the second's beats whose number in the bar differs from the take's (ours).
 
-    It is 0 if the bars coincide. A take of another metre differs in most beats.
+    It is 0 if the bars coincide. A take of another metre differs in most beats. Raise its weight if count 1
+    of the dance is not on count 1 of the song.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -214,6 +221,7 @@ class Phrasing(Cost):
     """Mismatch of a change of takes with the figures of both, 0 … 1 (ours).
 
     It is 0 where a figure of one take ends and one of the other begins, and 1 inside figures and off count 1.
+    Raise its weight for takes that change only between figures.
     """
 
     min_jump_cost = 0.0
@@ -232,7 +240,8 @@ class Energy(Cost):
     """Mismatch of the size of motion with the loudness of the song (ours).
 
     Large motion has a cost where the song is softer than its mean, and small motion where it is louder. In a
-    song of constant loudness, the cost is 0.
+    song of constant loudness, the cost is 0. Raise its weight for a dance that follows the loudness more
+    closely.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -243,7 +252,8 @@ class Energy(Cost):
 class Steps(Cost):
     """Mismatch of the density of steps with the density of onsets (ours).
 
-    Both are ranks from 0 to 1: of the clip in its genre, and of the second in its song.
+    Both are ranks from 0 to 1: of the clip in its genre, and of the second in its song. Raise its weight for
+    more steps where the music has more onsets.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -253,7 +263,8 @@ class Steps(Cost):
 class Front(Cost):
     """How far the dancer is turned from the audience, 0 … 1, and how far a transition turns the takes (ours).
 
-    A take that is entered at another heading than its own would turn everything after it.
+    A take that is entered at another heading than its own would turn everything after it. Raise its weight if
+    the dancer shows the back to the audience for too long.
     """
 
     min_jump_cost = 0.0
@@ -273,7 +284,8 @@ class Pace(Cost):
     """Change of playback speed from the recording, in octaves, averaged over quarters of the second.
 
     This cost is ours. In the paper, every warp within the slope limits is free, and the dances are hectic. At
-    1.5 times the speed, feet slide 1.5 times as fast, and accelerations are more than doubled.
+    1.5 times the speed, feet slide 1.5 times as fast, and accelerations are more than doubled. Raise its
+    weight for takes that are played nearer to their recorded speed.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -285,7 +297,8 @@ class Pace(Cost):
 class Variety(Cost):
     """Recent use of the node's take along the path to it, in seconds, divided by 12 (ours).
 
-    Without it, the cheapest path tends to stay in one long take.
+    Without it, the cheapest path tends to stay in one long take. Raise its weight for more different takes in
+    a dance.
     """
 
     of_path = True
@@ -315,7 +328,8 @@ class Variety(Cost):
 class Repeat(Cost):
     """1 for an edge that goes back in the same take by less than a clip's length (ours).
 
-    A step back of up to a quarter of a second is free, since both sides may contain the same beat.
+    A step back of up to a quarter of a second is free, since both sides may contain the same beat. Raise its
+    weight if the dance repeats the same movement at once.
     """
 
     min_jump_cost = 0.0
@@ -337,7 +351,8 @@ class Seed(Cost):
     """A random number, 0 … 1, of each continuous part of a take in the song (ours).
 
     It follows from the seed of the dance. Of takes and parts that are nearly as good, each seed prefers
-    others. Half of it is 0 or 1 for the whole take, and the other half is random for the part.
+    others. Half of it is 0 or 1 for the whole take, and the other half is random for the part. Raise its
+    weight for dances that differ more from seed to seed.
     """
 
     def __init__(self, seed: int) -> None:
@@ -351,21 +366,9 @@ class Seed(Cost):
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
-    Style,
-    Completeness,
-    Transition,
-    Velocity,
-    Rhythm,
-    Accents,
-    Bars,
-    Phrasing,
-    Energy,
-    Steps,
-    Front,
-    Pace,
-    Variety,
-    Repeat,
-)
+    Style, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
+    Variety, Repeat,
+)  # fmt: skip
 
 
 def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tuple[Cost, ...]:

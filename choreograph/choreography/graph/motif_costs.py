@@ -100,7 +100,8 @@ class Signature(Cost):
     It is a sum over motifs, so each word costs the change that it makes: from -1 for a missing motif to 1 for
     a motif that is too frequent, times the seconds per word. The counts are those along the path to a node
     (`Layer.motif_counts`), as in equation 5. There, a motif is missing compared with the dance so far, here
-    compared with the whole part. The paper has one goal for the whole song.
+    compared with the whole part. The paper has one goal for the whole song. Raise its weight for motifs whose
+    shares are nearer to those of the goal.
     """
 
     of_path = True
@@ -190,7 +191,8 @@ class MotifTransition(Cost):
 
     The sum over a song's seconds is scaled so that its mean is the mean over the song's words. Nodes have the
     costs of transitions between their own words. Edges have that from the last word of the previous second.
-    The probabilities are those of the goal at the later word.
+    The probabilities are those of the goal at the later word. Raise its weight for motifs that follow each
+    other as in the takes.
     """
 
     name = "motif_transition"
@@ -267,7 +269,8 @@ _ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right")
 class Stillness(Cost):
     """Motion in the poses that are held before the first count and after the last (ours).
 
-    It is the mean joint speed in m/s, plus ten times the height of one foot over the other in metres.
+    It is the mean joint speed in m/s, plus ten times the height of one foot over the other in metres. Raise
+    its weight if the dancer moves or stands on one foot in the held poses.
     """
 
     def __init__(self, poses: PoseBank) -> None:

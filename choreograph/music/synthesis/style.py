@@ -76,6 +76,7 @@ class SongStyle:
 
     @property
     def steps_per_bar(self) -> int:
+        """Sequencer steps in a bar."""
         return STEPS_PER_BEAT * self.beats_per_bar
 
 
