@@ -326,13 +326,13 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
 
 def _explained_costs() -> dict[str, str]:
     """What each cost measures and when to change its weight, by the docstrings of their classes."""
-    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
+    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
     from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
     from choreograph.settings import cost_names
 
-    added = map(type, installed_costs(cost_names()))
+    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS]
     explained = {}
-    for kind in (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS, *added):
+    for kind in [*kinds, *(type(cost) for cost in installed_costs(cost_names()))]:
         text = inspect.getdoc(kind) or ""
         _, raise_it, where = " ".join(text.split()).partition("Raise its weight")
         explained[kind.name] = " ".join(filter(None, [text.partition("\n")[0], raise_it + where]))
