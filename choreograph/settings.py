@@ -212,6 +212,20 @@ def cost_names() -> tuple[str, ...]:
     return (*DEFAULT_WEIGHTS, *installed_names(COST_GROUP))
 
 
+def as_config(config: object) -> DanceConfig:
+    """A `DanceConfig`. Raises `ParameterError` for anything else."""
+    if not isinstance(config, DanceConfig):
+        raise unexpected("a DanceConfig as config", config)
+    return config
+
+
+def as_weights(weights: object) -> dict[str, Any]:
+    """Weights as a dictionary, as in `DanceConfig`. Raises `ParameterError` for anything but a mapping."""
+    if not isinstance(weights, Mapping):
+        raise unexpected("weights as a mapping of cost name to number", weights)
+    return dict(weights)
+
+
 def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfig:
     """The settings of a TOML file, on top of `base` (default: the defaults).
 

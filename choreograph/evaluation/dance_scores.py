@@ -46,13 +46,12 @@ from choreograph.evaluation.scores import (
 )
 from choreograph.evaluation.songs import SongMusic, second_tracker, song_music
 from choreograph.library.building.counting import MotionCounter, load_motion_counter
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import as_repertoire, pretrained_set
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.beats import DEFAULT_TRACKER
-from choreograph.music.song import Song
-from choreograph.pipeline.arguments import as_repertoire, as_song
+from choreograph.music.song import Song, as_song
 
 # The counts of a dance as a network estimates them from its motion alone.
 #

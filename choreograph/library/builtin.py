@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.library.repertoire import Repertoire
@@ -32,6 +33,17 @@ def starter_repertoire() -> Repertoire:
     <Repertoire starter.h5: 128 takes, 44.6 min, 1,721 clips, genres: cha-cha, ...>
     """
     return Repertoire(RepertoireFile(STARTER_PATH, is_shipped=True))
+
+
+def as_repertoire(repertoire: object) -> Repertoire:
+    """An opened repertoire, for None the built-in one. Raises `ParameterError` unless given one or a path."""
+    if repertoire is None:
+        return starter_repertoire()
+    if isinstance(repertoire, Repertoire):
+        return repertoire
+    if not isinstance(repertoire, str | Path):
+        raise unexpected("a repertoire or its path", repertoire)
+    return Repertoire.open(repertoire)
 
 
 def example_songs() -> dict[str, Path]:

@@ -28,6 +28,7 @@ from choreograph.music.decoding import Blocks, decode
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _LONG_S = 3600.0
 _LONGEST_S = 3 * 3600.0
+_SHORTER_S = 0.1  # largest difference to the requested duration without a note
 _CANCELLED = 0.01  # ratio of the power of the mix to that of its channels
 
 
@@ -137,6 +138,23 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     if levels.cancel:
         notes = (*notes, "the channels cancel each other: they are mixed with their phases aligned")
     return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
+
+
+def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
+    """The part of a song, or of a song's file, with a note if it is shorter than `duration_s`.
+
+    Raises `ParameterError` unless it is a `Song` or a path, and the errors of `load_song`.
+    """
+    if isinstance(song, Song):
+        loaded = song.part(start_s, duration_s)
+    elif isinstance(song, str | Path):
+        loaded = load_song(song, start_s=start_s, duration_s=duration_s)
+    else:
+        raise unexpected(f"{what} as a path or a Song", song)
+    if duration_s is None or loaded.duration_s > duration_s - _SHORTER_S:
+        return loaded
+    note = f"{loaded.name}: {duration_s:g} s were requested, the song ends after {loaded.duration_s:.2f} s"
+    return replace(loaded, notes=(*loaded.notes, note))
 
 
 def _past_the_end(start_s: float, song: str | Path) -> ParameterError:

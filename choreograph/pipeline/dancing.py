@@ -29,18 +29,18 @@ from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
+from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.music.song import Song, check_span
-from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song, as_weights
+from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.keeping import AvoidRepeating, ExistingDance, fill, read_existing
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
 from choreograph.render.rendering import render
-from choreograph.settings import DanceConfig, DanceSettings
+from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
 
@@ -235,7 +235,7 @@ def dance(
     >>> dance.save("house.bvh")
     """
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
-    costs = as_costs(costs)
+    costs = as_list("costs", costs, "Cost", Cost)
     config = _configured(as_config(config), settings, requested, costs)
     check_span(0.0 if start_s is None else start_s, duration_s)
     check_function("report", report)

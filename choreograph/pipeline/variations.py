@@ -10,23 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import engines
-from choreograph.core.arguments import is_whole, unexpected
+from choreograph.choreography.graph.costs import Cost
+from choreograph.core.arguments import as_list, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes
+from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
-from choreograph.music.song import Song
-from choreograph.pipeline.arguments import as_config, as_costs, as_repertoire, as_song
+from choreograph.music.song import Song, as_song
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance
 from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
-from choreograph.settings import MAX_VARIATIONS
+from choreograph.settings import MAX_VARIATIONS, as_config
 
 # Several different dances for one song.
 
@@ -57,7 +58,8 @@ def vary(
     """
     if not is_whole(n) or not 1 <= n <= MAX_VARIATIONS:
         raise unexpected(f"1 to {MAX_VARIATIONS} variations", n)
-    config, costs = as_config(arguments.pop("config", DEFAULTS)), as_costs(arguments.pop("costs", ()))
+    config = as_config(arguments.pop("config", DEFAULTS))
+    costs = as_list("costs", arguments.pop("costs", ()), "Cost", Cost)
     if "seed" in arguments:
         config = replace(config, seed=arguments.pop("seed"))
     start_s = arguments.pop("start_s", None)
