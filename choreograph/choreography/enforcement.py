@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from choreograph.choreography.mixer.words import (
     AROUND_S,
     CandidatePool,
     Candidates,
+    WordBank,
     consecutive_slots,
     search_words,
 )
@@ -32,12 +33,19 @@ from choreograph.plan import Plan, PlannedWord
 # The motif of each word of a rendered motion.
 
 
-def danced_motifs(motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire) -> NDArray[np.int64]:
+def danced_motifs(
+    motion: Motion,
+    bounds_s: NDArray[np.float64],
+    repertoire: Repertoire,
+    pinned: Mapping[int, int] | None = None,
+) -> NDArray[np.int64]:
     """The motif of each word (N,) of a motion segmented at `bounds_s` (N + 1,), as in a repertoire.
 
-    It is -1 for a word that is too short to have one.
+    It is -1 for a word that is too short to have one, and where a pinned motif (slot -> motif) is nearest but
+    too far: see `without_distant`.
     """
-    return motifs_of_embeddings(danced_embeddings(motion, bounds_s, repertoire), repertoire)
+    embeddings = danced_embeddings(motion, bounds_s, repertoire)
+    return without_distant(motifs_of_embeddings(embeddings, repertoire), embeddings, pinned or {}, repertoire)
 
 
 def danced_embeddings(
@@ -61,6 +69,34 @@ def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire
     known = ~np.isnan(embeddings[:, 0])
     if known.any():
         motifs[known] = repertoire.vocabulary.motifs.nearest(embeddings[known])
+    return motifs
+
+
+_RADIUS_PERCENT = 95.0
+_LEAST_RADIUS_M = 0.1  # transitions change words by as much, also those of motifs whose words are all alike
+
+
+def without_distant(
+    danced: NDArray[np.int64],
+    embeddings: NDArray[np.float32],
+    pinned: Mapping[int, int],
+    repertoire: Repertoire,
+) -> NDArray[np.int64]:
+    """The motifs (N,) of a dance, -1 where a pinned one (slot -> motif) is danced only by name.
+
+    The nearest motif of a word may be far from it. A word dances a pinned motif if it is as near to its
+    medoid as 95 % of the words of the motif in the takes are, or within 0.1 m.
+    """
+    motifs = danced.copy()
+    vocabulary = repertoire.vocabulary
+    bank = WordBank(vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+    for slot, motif in pinned.items():
+        if danced[slot] != motif:
+            continue
+        of_words = bank.distances_to_motifs(vocabulary.words_of_motif(motif))[:, motif]
+        radius_m = max(float(np.percentile(of_words, _RADIUS_PERCENT)), _LEAST_RADIUS_M)
+        if np.linalg.norm(embeddings[slot] - vocabulary.motifs.embeddings[motif]) > radius_m:
+            motifs[slot] = -1
     return motifs
 
 
@@ -91,7 +127,7 @@ def enforce_motifs(
     chosen: dict[int, int] = {}
     enforced = plan
     while True:
-        danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+        danced = danced_motifs(motion, constraints.bounds_s, repertoire, constraints.motifs)
         wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
         if not wrong:
             return enforced, motion

@@ -197,7 +197,7 @@ def _unmet(
     if not constraints.constrains_motifs:
         return ()
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
-    danced = danced_motifs(motion, constraints.bounds_s, repertoire)
+    danced = danced_motifs(motion, constraints.bounds_s, repertoire, pinned)
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
     lines = []
     for slot in broken:

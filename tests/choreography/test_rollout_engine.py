@@ -89,6 +89,7 @@ def test_a_pin_that_is_not_danced_is_tried_again_and_held_longer(rolling, song, 
     monkeypatch.setattr(
         rollout, "motifs_of_embeddings", lambda embeddings, _: np.full(len(embeddings), shown.pop(0))
     )
+    monkeypatch.setattr(rollout, "without_distant", lambda danced, *_: danced)
     monkeypatch.setattr(rollout, "_generated", generated)
     made = cg.dance(song, rolling, engine="rollout", pins=[cg.MotifPin(before.end_s + 0.1, pinned)])
     assert made.unmet == () and len(asked) == 2

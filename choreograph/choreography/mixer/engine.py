@@ -166,8 +166,9 @@ def _rendered(
     chosen = pool.vocabulary.word_motif[words]
     held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
     # A pose that is held has no motif of its own.
-    danced = np.where(held, chosen, danced_motifs(motion, constraints.bounds_s, request.repertoire))
     pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+    shown = danced_motifs(motion, constraints.bounds_s, request.repertoire, pinned)
+    danced = np.where(held, chosen, shown)
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
     return MixedDance(plan, motion, words, chosen, danced, tuple(broken))
 

@@ -71,20 +71,24 @@ class WordBank:
         return self._margin_m[words]
 
     def _measured_margin_m(self, words: Indices) -> AnyFloats:
-        v = self.vocabulary
-        share = np.linspace(0.0, 1.0, WORD_FRAMES)
-        length_s = v.word_end_s[words] - v.word_start_s[words]
-        poses = self._poses_m(words, v.word_start_s[words, None] + length_s[:, None] * share)
-        embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
-        medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
-        distance = np.sqrt(squared_distances(embedded, medoids))  # (M, K)
-        rows, own = np.arange(len(words)), v.word_motif[words]
+        distance = self.distances_to_motifs(words)
+        rows, own = np.arange(len(words)), self.vocabulary.word_motif[words]
         to_own = distance[rows, own]
         distance[rows, own] = np.inf
         margin_m: AnyFloats = (
             np.minimum(distance.min(axis=1), 1.0) - to_own
         )  # with one motif alone the next is a metre away
         return margin_m
+
+    def distances_to_motifs(self, words: Indices) -> NDArray[np.float64]:
+        """Distances (M, K) of words (M,) from the medoids of all motifs, in the space of embeddings."""
+        v = self.vocabulary
+        share = np.linspace(0.0, 1.0, WORD_FRAMES)
+        length_s = v.word_end_s[words] - v.word_start_s[words]
+        poses = self._poses_m(words, v.word_start_s[words, None] + length_s[:, None] * share)
+        embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
+        medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
+        return np.sqrt(squared_distances(embedded, medoids))
 
     def _poses_m(self, words: Indices, times_s: AnyFloats) -> NDArray[np.float64]:
         """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""

@@ -18,6 +18,7 @@ from choreograph.choreography.enforcement import (
     is_danced,
     motifs_of_embeddings,
     violated_slots,
+    without_distant,
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.costs import Cost
@@ -160,7 +161,8 @@ def _checked_dance(
     if not constraints.constrains_motifs:
         return _Rollout(motifs, asked, motion, asked, motifs, ())
     shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
-    danced = motifs_of_embeddings(shown, repertoire)
+    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+    danced = without_distant(motifs_of_embeddings(shown, repertoire), shown, pinned, repertoire)
     wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
     return _Rollout(motifs, asked, motion, shown, danced, tuple(wrong))
 
