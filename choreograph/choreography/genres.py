@@ -31,6 +31,9 @@ _OTHER_METRE = 1.8  # where the metre is certain
 # Loss added to a genre whose takes are all slower or all faster than the song, and the loss per octave of
 # difference.
 _OTHER_TEMPO, _PER_OCTAVE = 1.5, 4.0
+# Loss per octave of the mean difference from the tempi of a genre's takes. It decides between genres of
+# similar style whose tempi overlap. Rumbas of 66 to 124 BPM include the tempo of cha-chas.
+_PER_MEAN_OCTAVE = 0.5
 _SAME_TEMPO = 1.04  # largest ratio of two tempi that count as the same
 # House and disco have a hi-hat between the beats, and music without one is neither. The share of percussion
 # onsets that are between two beats rather than on one is 0.51 or more in a quarter of the seconds of
@@ -235,7 +238,21 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
         slowest_bpm, fastest_bpm = _tempi_bpm(takes)
         ratio = np.maximum(np.maximum(slowest_bpm / bpm, bpm / fastest_bpm), 1.0)
         losses[:, column] += (ratio > 1.0) * _OTHER_TEMPO + _PER_OCTAVE * np.log2(ratio)
+        losses[:, column] += _PER_MEAN_OCTAVE * _mean_octaves(bpm, takes)
     return losses
+
+
+def _mean_octaves(bpm: Floats, takes: Sequence[Counts]) -> Floats:
+    """Mean difference in octaves of tempi (S,) from those of counted takes, weighted by their duration.
+
+    It is 0 without takes.
+    """
+    if not takes:
+        return np.zeros(len(bpm))
+    tempi_bpm = np.array([tempo_bpm(of_take) for of_take in takes])  # (X,)
+    octaves = np.abs(np.log2(bpm[:, None] / tempi_bpm))  # (S, X)
+    mean: Floats = np.average(octaves, axis=1, weights=[np.ptp(of_take.times_s) for of_take in takes])
+    return mean
 
 
 def _tempi_bpm(takes: Sequence[Counts]) -> tuple[float, float]:

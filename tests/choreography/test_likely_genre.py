@@ -14,6 +14,7 @@ from choreograph.choreography.genres import (
     genre_note,
     likely_genre,
     likely_genres,
+    rhythm_losses,
     song_metre_at,
 )
 from choreograph.core.counts import NO_COUNTS, Counts, make_counts, numbers_in_bar
@@ -149,6 +150,14 @@ def test_no_genre_is_danced_at_a_tempo_of_none_of_its_takes(tmp_path):
         assert ("than its takes" in genre_note([likely])) == bool(tempo)
     features = song(["waltz"] * N_SECONDS, counts=beats(4, period_s=60 / 117))  # both reach it
     assert likely_genre(features, repertoire, ANYTHING).genre == "waltz"
+
+
+def test_of_genres_that_reach_the_tempo_the_one_that_often_dances_it_is_likelier(tmp_path):
+    periods_s = (0.95, 0.5, 0.5, 0.52)  # the first genre is danced at 63 and 120 BPM, the other at 115 to 120
+    takes = with_counts(synthetic_takes(periods_s=periods_s, duration_s=12.0, genres=GENRES), periods_s)
+    counts = make_counts(np.arange(0.0, 32.0, 0.5), numbers_in_bar(64, 4), 4)
+    losses = rhythm_losses(counts, N_SECONDS, planted(tmp_path / "rep.h5", takes), GENRES)
+    assert (losses[:, 1] < losses[:, 0] - 0.1).all()
 
 
 @pytest.mark.parametrize(("off_beat", "genre"), [(0.55, "house"), (0.35, "cha-cha"), (1.0, "house")])
