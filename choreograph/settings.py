@@ -30,7 +30,7 @@ Warping = Literal["counts", "dtw", "none"]
 Blending = Literal["inertial", "linear"]
 Front = Literal["audience", "free"]
 Transitions = Literal["beats", "seconds"]
-Density = Literal["repertoire", "learned"]
+Density = Literal["repertoire", "learned", "clip"]
 TimeMaps = Literal["smooth", "raw"]
 MotifDraw = Literal["missing", "absolute"]
 StyleWindow = Literal["smooth", "hamming"]
@@ -97,7 +97,9 @@ class DanceConfig:
 
     density: Density = "repertoire"
     """Which tempo-density the DTW aligns: the one that the repertoire was built with, or only a "learned"
-    one. With "learned", a repertoire without learned densities is refused. Used by the graph engine."""
+    one. With "learned", a repertoire without learned densities is refused. With "clip", its network also
+    estimates the density of each clip from that clip alone, as in ChoreoGraph. Otherwise, it is the mean of
+    the estimates of clips that overlap. Used by the graph engine."""
 
     time_maps: TimeMaps = "smooth"
     """How the path of the DTW is played. "smooth" keeps beats on beats and avoids sudden changes of speed.
@@ -257,10 +259,10 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
     return {name: float(given.get(name, DEFAULT_WEIGHTS.get(name, 1.0))) for name in names}
 
 
-# ChoreoGraph's method as published, as the settings of a build and of a dance.
+# Both methods as published, as the settings of a build and of a dance.
 #
-# Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig` or `DanceConfig`. This module
-# only lists them. By section of the paper:
+# Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig`, `RolloutConfig` or
+# `DanceConfig`. This module only lists them. By section of ChoreoGraph:
 #
 # - 3.1: style vectors learned by equation 1 alone, from mel spectrogram and joint positions alone. The 512
 #   clips of least style loss are candidates, of any metre or genre
@@ -285,8 +287,10 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 # - the DTW's weights: a step of two query frames pays for both (`choreography.graph.warping`)
 # - nodes are joined where the last pose stands and faces, as in motion graphs, and the transition cost is
 #   measured so. Consecutive nodes of a segment are at distance 0, where the paper's are a frame apart
-# - a clip's tempo-density is the mean of the estimates of the clips that overlap with it, since it is stored
-#   once for each take
+# - the settings of the rollout network are those of Rhythm is a Dancer, sections 4 and 5. It does not state
+#   the weights of the losses of positions and contacts (1 here), or how many teacher-forced and self-fed
+#   frames alternate (5 here, as in the acLSTM that it builds on). The root has our representation, relative
+#   to the heading of the dancer (`nets.rollout_data`)
 # - a second without a motion beat extends the gap of completeness to its far end
 # - a crossfade lasts 0.25 s. The dance is sampled at 60 fps by a spline through the path's 20 frames a second
 # - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire
@@ -307,19 +311,36 @@ DENSITY: dict[str, Any] = {
     "skips": False, "unit_variance": False, "augmented": False, "synchronise": False,
 }  # fmt: skip
 
+ROLLOUT_STEPS = {"tiny": 500, "small": 5_000, "paper": 500_000}  # scaled down as the epochs are
+ROLLOUT: dict[str, Any] = {
+    "by_genre": True, "condition_width": 0, "standardised": False, "phase": False, "count_phase": False,
+    "own_embedding_share": 0.0, "style_strength": 40.0, "style_fade_s": 0.0, "style_dropout": 0.0,
+    "loss": "paper", "perceptual_weight": 0.5, "position_weight": 1.0, "contact_weight": 1.0,
+    "tempi": (1.0,), "frames": 100, "teacher_frames": 5, "self_fed_frames": (5,), "n_layers": 3,
+    "batch_size": 32, "learning_rate": 1e-4, "weight_decay": 0.0, "schedule": "constant",
+}  # fmt: skip
+
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
 WEIGHTS: dict[str, float] = {
     **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
 DANCE: dict[str, Any] = {
-    "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "learned",
+    "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "clip",
     "time_maps": "raw", "blending": "linear", "transitions": "seconds", "lock_feet": False,
     "hold_ends": False, "keep_on_stage": False, "front": "free", "weights": WEIGHTS,
 }  # fmt: skip
 
 
+# Of the other engines: equations 5 and 4 of Rhythm is a Dancer as printed.
+_DANCES: dict[str, dict[str, Any]] = {
+    "graph": DANCE,
+    "mixer": {"motif_draw": "absolute"},
+    "rollout": {"motif_draw": "absolute", "style_strength": 40.0, "style_window": "hamming"},
+}
+
+
 def published_build(preset: str) -> dict[str, Any]:
-    """Keywords of `build` for the method as published, its networks and epochs scaled by the preset.
+    """Keywords of `build` for both methods as published, with networks and epochs scaled by the preset.
 
     Raises `ParameterError` for an unknown preset.
     """
@@ -328,14 +349,20 @@ def published_build(preset: str) -> dict[str, Any]:
     epochs = {"epochs": EPOCHS[preset]}
     return {
         "preset": preset, "density": "learned", "lock_feet": False, "pretrained": "nothing",
-        "style_changes": STYLE | epochs, "density_changes": DENSITY | epochs,
+        "style_changes": STYLE | epochs, "density_changes": DENSITY | epochs, "rollout_teacher": False,
+        "rollout_changes": ROLLOUT | {"steps": ROLLOUT_STEPS[preset]},
         "method": f"{METHOD}: {scaling(preset)}",
     }  # fmt: skip
 
 
-def published_dance(**changes: Any) -> DanceConfig:
-    """The settings of a dance as published, with fields changed."""
-    return DanceConfig(**(DANCE | changes))
+def published_dance(engine: str = "graph", **changes: Any) -> DanceConfig:
+    """The settings of a dance as published, with fields changed.
+
+    They are those of ChoreoGraph for the graph engine, and of Rhythm is a Dancer for the mixer and the
+    rollout. Raises `ParameterError` for another engine.
+    """
+    check_choice("a published engine", engine, _DANCES)
+    return DanceConfig(engine=engine, **(_DANCES[engine] | changes))
 
 
 def scaling(preset: str) -> str:

@@ -29,7 +29,7 @@ from unittest.mock import patch
 import numpy as np
 import torch
 from scipy.stats import t
-from swapped_net import WithNet, ablated_nets, bounds_of
+from swapped_net import NetsByGenre, WithNet, ablated_nets, bounds_of
 
 import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
@@ -48,6 +48,7 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.music.song import Song, load_song
 from choreograph.nets.rollout import RolloutNet
+from choreograph.settings import published_dance
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}
@@ -91,7 +92,7 @@ def means(rows: Mapping[str, Sequence[Row]]) -> Table:
 
 
 def ablated(
-    pieces: list[Piece], repertoire: WithNet, judge: cg.Repertoire, nets: Mapping[str, RolloutNet]
+    pieces: list[Piece], repertoire: WithNet, judge: cg.Repertoire, nets: Mapping[str, NetsByGenre]
 ) -> dict[str, Table]:
     """Distance to the template, beats, and speeds, for every network, and of what was really danced.
 
@@ -104,7 +105,8 @@ def ablated(
         motions: dict[str, Motion] = {}
         for name, net in {"rollout": None, **nets}.items():
             repertoire.swapped = net
-            dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre)
+            config = published_dance("rollout") if name.startswith("published") else None
+            dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre, config=config)
             motions[name] = dance.motion
         repertoire.swapped = None
         beats, bounds = piece.music.beats_s, bounds_of(dance)
@@ -154,7 +156,7 @@ def judged_chi2(motion: Motion, bounds_s: np.ndarray, genre: str, judge: cg.Repe
     return float(chi_square_distance(signature(danced[danced >= 0], len(goal)), goal))
 
 
-def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, RolloutNet]) -> Table:
+def recreated(pieces: list[Piece], repertoire: WithNet, nets: Mapping[str, NetsByGenre]) -> Table:
     """Share of a held-out dance's motifs that are danced again in their order."""
     rows = defaultdict(list)
     for piece in pieces:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +12,27 @@ import torch
 import choreograph as cg
 from choreograph.nets.rollout import RolloutNet
 
+NetsByGenre = Mapping[str, RolloutNet]  # of one genre, or "" of all genres
+
 
 class WithNet(cg.Repertoire):
-    """A repertoire with another rollout network."""
+    """A repertoire with other rollout networks."""
 
-    swapped: RolloutNet | None = None
+    swapped: NetsByGenre | None = None
 
-    def rollout_net(self) -> RolloutNet:
-        return self.swapped or super().rollout_net()
+    def rollout_net(self, genre: str = "") -> RolloutNet:
+        if self.swapped is None:
+            return super().rollout_net(genre)
+        return self.swapped.get("") or self.swapped[genre]
 
 
-def ablated_nets(folder: Path) -> dict[str, RolloutNet]:
-    """The networks of a folder by what they lack."""
-    return {path.stem: ablated_net(path) for path in sorted(folder.glob("*.pt"))}
+def ablated_nets(folder: Path) -> dict[str, NetsByGenre]:
+    """The networks of a folder by what they lack, and by genre where each genre has its own."""
+    nets: dict[str, dict[str, RolloutNet]] = defaultdict(dict)
+    for path in sorted(folder.glob("*.pt")):
+        name, _, genre = path.stem.partition("@")
+        nets[name][genre] = ablated_net(path)
+    return dict(nets)
 
 
 def ablated_net(path: Path) -> RolloutNet:

@@ -8,7 +8,9 @@ written to FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Ea
 network itself, or as many steps as `--steps` gives. With `--steps`, compare them with `as-built`, which lacks
 nothing.
 
-`as-built` and all that are named after what they lack are trained on the takes alone (`--set
+`published` is the network of Rhythm is a Dancer as printed (`choreograph.settings.ROLLOUT`), one for each
+genre, in NAME@GENRE.pt. `published-no-perceptual-loss` and `published-acLSTM` are the other columns of its
+Table 1. `as-built` and all that are named after what they lack are trained on the takes alone (`--set
 rollout_teacher=false`). `graph-dances-too` is trained on graph dances to their songs as well, and
 `synthesised-songs-too` also on those to synthesised songs, as with `build-db --rollout`. `counts-at-accents`
 has words, and beats of the music, at the accents of the motion instead of the counts. After a stop, the same
@@ -35,15 +37,20 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout_data import RolloutTake
-from choreograph.nets.rollout_training import train_rollout
+from choreograph.nets.rollout_training import train_rollouts
 from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout
+from choreograph.settings import ROLLOUT, ROLLOUT_STEPS
 
 WITH_GRAPH_DANCES = "graph-dances-too"
 WITH_SYNTHESISED_SONGS = "synthesised-songs-too"
 AT_ACCENTS = "counts-at-accents"
+PUBLISHED = {**ROLLOUT, "steps": ROLLOUT_STEPS["small"]}
 ABLATIONS = {
     "as-built": {},
+    "published": PUBLISHED,
+    "published-no-perceptual-loss": {**PUBLISHED, "perceptual_weight": 0.0},
+    "published-acLSTM": {**PUBLISHED, "perceptual_weight": 0.0, "motifs": False},
     "no-perceptual-loss": {"perceptual_weight": 0.0},
     "no-audio": {"use_audio": False},
     "acLSTM-no-motifs": {"motifs": False, "perceptual_weight": 0.0},
@@ -77,7 +84,7 @@ def train(
     steps: int | None,
 ) -> None:
     """Train those of `names` that `folder` lacks, for `steps` or as long as the repertoire's network."""
-    lacking = [name for name in names if not (folder / f"{name}.pt").exists()]
+    lacking = [name for name in names if not any(folder.glob(f"{name}*.pt"))]
     if not lacking:
         return
     folder.mkdir(parents=True, exist_ok=True)
@@ -94,7 +101,7 @@ def train(
     learned = rollout_takes(own, segmented, repertoire.vocabulary, words, songs=songs)
     length = {} if steps is None else {"steps": steps}
     for name in lacking:
-        config = rollout_config(str(repertoire.provenance["preset"]), **ABLATIONS[name], **length)
+        config = rollout_config(str(repertoire.provenance["preset"]), **{**ABLATIONS[name], **length})
         context = TrainingContext(folder / name, resume=True, report=show)
         data = learned
         if name in (WITH_GRAPH_DANCES, WITH_SYNTHESISED_SONGS):
@@ -102,8 +109,9 @@ def train(
             data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire, songs)]
         elif name == AT_ACCENTS:
             data = as_learned([at_accents(m) for m in own], repertoire, songs)
-        net = train_rollout(data, words, config, seed=seed, context=context)
-        torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{name}.pt")
+        for net in train_rollouts(data, words, config, seed=seed, context=context):
+            of_genre = f"{name}@{net.config.genre}" if config.by_genre else name
+            torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{of_genre}.pt")
 
 
 def taught(

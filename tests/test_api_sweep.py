@@ -176,6 +176,7 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         "Repertoire.motion_beats_s": sound(t.repertoire.motion_beats_s, take=0),
         "Repertoire.net": sound(t.repertoire.net, name="words"),
         "Repertoire.open": sound(cg.Repertoire.open, path=t.repertoire.path),
+        "Repertoire.rollout_net": sound(t.repertoire.rollout_net, genre=""),
         "Repertoire.take_index": sound(t.repertoire.take_index, name="take0"),
         "RolloutFrame": sound(
             cg.RolloutFrame, time_s=0.0, root_pos_m=np.zeros(3), local_quat=np.zeros((24, 4))

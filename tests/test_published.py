@@ -17,6 +17,7 @@ from synthetic_repertoire import (
 
 import choreograph as cg
 from choreograph import settings as published
+from choreograph.choreography.graph import layer_source, segments
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import dance_variant
 from choreograph.formats.register import save_motion
@@ -97,6 +98,25 @@ def test_clips_carry_the_density_of_the_network(built):
     assert abs(expected.std() - 1.0) > 0.1  # of unit variance it would be ours
 
 
+def test_a_dance_aligns_the_density_of_each_clip_alone(built, song, monkeypatch):
+    repertoire, aligned = built[0], []
+
+    def warp_segments(clip, music_density, beats_s, clip_density, *rest, **options):
+        aligned.append(clip_density(np.arange(repertoire.n_clips)))
+        return segments.warp_segments(clip, music_density, beats_s, clip_density, *rest, **options)
+
+    monkeypatch.setattr(layer_source, "warp_segments", warp_segments)
+    cg.dance(song, repertoire, duration_s=4, config=published.published_dance())
+    net = repertoire.net("motion_density")
+    estimator = MotionDensity.from_arrays(net.weights, net.config)
+    for clip in (0, repertoire.n_clips - 1):
+        take, first = repertoire.clip_take[clip], repertoire.clip_start_frame[clip]
+        body_m = repertoire.body_pos_m(take)[first : first + 160]
+        np.testing.assert_allclose(aligned[0][clip], estimator.clip_densities(body_m[None])[0], atol=1e-5)
+    stored = repertoire.clip_motion.density(np.arange(repertoire.n_clips))
+    assert np.abs(aligned[0] - stored).max() > 1e-3
+
+
 def test_a_dance_plays_the_raw_path_on_seconds(made):
     plan = made.plan
     for second in plan.seconds:
@@ -140,7 +160,7 @@ def test_counts_of_takes_are_ignored(learned_contents, song, tmp_path, monkeypat
         return np.tile(motion_density(80, np.arange(0.25, 4.0, 0.5)), (n_seconds, 1))
 
     monkeypatch.setattr(song_analysis, "_wanted_density", wanted)
-    config = published.published_dance(candidates=16)
+    config = published.published_dance(candidates=16, density="learned")  # it has no networks
     danced = []
     for name, contents in zip(("none.h5", "counted.h5"), learned_contents, strict=True):
         write_repertoire(tmp_path / name, contents)
@@ -165,6 +185,50 @@ def test_variants_as_published_dance_with_their_repertoire(built, song):
     assert not any(plan.lock_feet for plan in plans)
     recorded = np.diff([s.source_times_s for s in plans[2].seconds], axis=1) * 20.0
     np.testing.assert_allclose(recorded, 1.0, atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def rolling_by_genre(takes, tmp_path_factory):
+    """A repertoire by `build-db --published --rollout` of two genres, whose networks have hardly learned."""
+    rows = ["name,genre", "slow,folk", "even,folk", "quick,salsa"]
+    (takes / "manifest.csv").write_text("\n".join(rows) + "\n")
+    options = published.published_build("tiny")
+    for changes in ("style_changes", "density_changes"):
+        options[changes] = options[changes] | {"epochs": 1}
+    options["rollout_changes"] = options["rollout_changes"] | {"steps": 2, "batch_size": 2}
+    made = cg.build([takes], tmp_path_factory.mktemp("rolling") / "p.h5", rollout=True, **options)
+    (takes / "manifest.csv").unlink()
+    return made.repertoire
+
+
+def test_each_genre_has_a_rollout_network_of_equation_10(rolling_by_genre):
+    assert rolling_by_genre.rollout_genres == ("folk", "salsa")
+    assert rolling_by_genre.net_names[-2:] == ("rollout_0", "rollout_1")
+    config = rolling_by_genre.rollout_net("salsa").config
+    assert (config.genre, config.loss, config.perceptual_weight) == ("salsa", "paper", 0.5)
+    assert (config.frames, config.learning_rate, config.schedule) == (100, 1e-4, "constant")
+    assert not (config.phase or config.count_phase or config.condition_width or config.standardised)
+    with pytest.raises(RepertoireError, match="expected a genre among folk, salsa"):
+        rolling_by_genre.rollout_net("tango")
+
+
+@pytest.mark.parametrize("engine", ["rollout", "mixer"])
+def test_the_other_engines_draw_motifs_by_equation_5(rolling_by_genre, song, engine):
+    config = published.published_dance(engine)
+    assert config.motif_draw == "absolute"
+    dance = cg.dance(song, rolling_by_genre, genre="folk", duration_s=6, config=config)
+    assert dance.plan.engine == engine and np.isfinite(dance.motion.local_quat).all()
+    again = cg.dance(song, rolling_by_genre, genre="salsa", duration_s=6, config=config)
+    assert not np.array_equal(dance.motion.local_quat, again.motion.local_quat)
+
+
+def test_a_signature_without_a_genre_has_no_network(rolling_by_genre, song):
+    signature = rolling_by_genre.vocabulary.signatures[0]
+    with pytest.raises(ParameterError, match="expected a genre among folk, salsa beside the signature"):
+        cg.dance(
+            song, rolling_by_genre, signature=signature, duration_s=6,
+            config=published.published_dance("rollout"),
+        )  # fmt: skip
 
 
 def test_every_setting_is_a_setting_and_every_cost_has_a_weight():

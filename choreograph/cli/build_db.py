@@ -88,8 +88,8 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 )  # fmt: skip
 @optgroup.option(
     "--published", is_flag=True,
-    help="Train as ChoreoGraph was published, for `dance --config published`: its losses, inputs, batch and "
-    "rate. The preset scales widths and epochs: 10 epochs for tiny, 100 for small, all 10,000 for paper.",
+    help="Train as both papers were published, for `dance --config published`: their losses, inputs, batch "
+    "and rate. The preset scales widths and epochs: 10 epochs for tiny, 100 for small, all 10,000 for paper.",
 )  # fmt: skip
 @optgroup.option(
     "--rollout", is_flag=True, default=None, help="Also train the network of `dance --engine rollout`."

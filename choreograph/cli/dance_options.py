@@ -104,7 +104,7 @@ _SETTINGS = (
     ),
     optgroup.option(
         "--config", cls=_Planned, metavar="FILE|published",
-        help="TOML file of settings, or those of ChoreoGraph as published. Options and --set replace them.",
+        help="TOML file of settings, or those of the engine's paper. Options and --set replace them.",
     ),
     optgroup.option(
         "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."
@@ -235,7 +235,9 @@ class DanceOptions:
             **self._settings(),
         }
         if self.config is not None:
-            arguments["config"] = published_dance() if self.config == PUBLISHED else load_config(self.config)
+            published = self.config == PUBLISHED
+            config = published_dance(self.engine or "graph") if published else load_config(self.config)
+            arguments["config"] = config
         return arguments  # type: ignore[return-value]  # by name, as `DanceArguments` has them
 
     def _settings(self) -> dict[str, Any]:

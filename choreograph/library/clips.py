@@ -171,6 +171,13 @@ class ClipMotion:
         start, stop = self._take_rows[take]
         return self._body_pos_m[start:stop]
 
+    def clip_pos_m(self, clips: AnyInts) -> NDArray[np.float32]:
+        """Body positions of clips (K,) in metres, (K, 160, 21, 3)."""
+        result: NDArray[np.float32] = self._body_pos_m[
+            self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)
+        ]
+        return result
+
     def density(self, clips: AnyInts) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160)."""
         result: NDArray[np.float32] = self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]

@@ -23,7 +23,7 @@ from choreograph.library.checks import check_clips
 from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
 from choreograph.library.motifs import Vocabulary, vocabulary_from
 from choreograph.library.notes import Note, notes_from
-from choreograph.library.schema import NetArrays
+from choreograph.library.schema import NetArrays, rollout_names
 from choreograph.library.store import RepertoireFile
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -163,16 +163,40 @@ class Repertoire:
         with self._damage_named():
             return WordNet.from_arrays(net.weights, net.config)
 
-    def rollout_net(self) -> RolloutNet:
-        """The network that generates motion from motifs. Raises `RepertoireError` if there is none."""
-        from choreograph.nets.rollout import RolloutNet
-
-        if "rollout" not in self.net_names:
+    @cached_property
+    def _rollout_nets(self) -> dict[str, NetArrays]:
+        """The rollout networks by their genre, which is "" for one of all genres."""
+        nets = {name: self.net(name) for name in rollout_names(self.net_names)}
+        if not nets:
             raise RepertoireError(
                 f"{self.path}: expected a rollout network, got a repertoire without one: build it again with "
                 "`choreograph build-db --rollout`"
             )
-        net = self.net("rollout")
+        return {str(net.config.get("genre", "")): net for net in nets.values()}
+
+    @property
+    def rollout_genres(self) -> tuple[str, ...]:
+        """The genres that have a rollout network of their own, or none where one network dances all of them.
+
+        Raises `RepertoireError` if there is no rollout network.
+        """
+        return tuple(genre for genre in self._rollout_nets if genre)
+
+    def rollout_net(self, genre: str = "") -> RolloutNet:
+        """The network that generates motion from motifs, of `genre` if each genre has its own.
+
+        Raises `RepertoireError` if there is none.
+        """
+        from choreograph.nets.rollout import RolloutNet
+
+        check_text("a genre", genre)
+        nets = self._rollout_nets
+        net = nets.get("", nets.get(genre))
+        if net is None:
+            raise RepertoireError(
+                f"{self.path}: expected a genre among {', '.join(nets)}, which have a rollout network, "
+                f"got {genre!r}"
+            )
         with self._damage_named():
             return RolloutNet.from_arrays(net.weights, net.config)
 

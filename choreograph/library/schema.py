@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+import re
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -132,8 +133,23 @@ def delta_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
     return integers
 
 
-# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, of any shape.
+# nets/<name>: a group with the attribute `config` (JSON) and one dataset per weight, of any shape. Where each
+# genre has its own rollout network, these are `rollout_0`, `rollout_1` and so on.
 NETS = ("style", "motion_density", "music_density", "words", "rollout")
+_ROLLOUT_OF_GENRE = re.compile(r"rollout_[0-9]{1,2}", re.ASCII)  # where each genre has its own network
+
+
+def net_names_in(names: Iterable[str]) -> tuple[str, ...]:
+    """The names of networks among these, in the order of `NETS`, and last the rollout networks of genres."""
+    found = set(names)
+    of_genres = sorted(name for name in found if _ROLLOUT_OF_GENRE.fullmatch(name))
+    return (*(name for name in NETS if name in found), *of_genres)
+
+
+def rollout_names(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of the one rollout network, or of the networks of each genre."""
+    return tuple(name for name in net_names_in(names) if name.split("_")[0] == "rollout")
+
 
 # Attributes of the file itself.
 ATTRIBUTES = ("format", "version", "density", "provenance")

@@ -20,7 +20,6 @@ from choreograph.library.checks import StoredArray
 from choreograph.library.schema import (
     DELTA_RESTART,
     FORMAT,
-    NETS,
     NETWORKS_FORMAT,
     OPTIONAL,
     VERSION,
@@ -28,6 +27,7 @@ from choreograph.library.schema import (
     axis_sizes,
     delta_decode,
     layout_of,
+    net_names_in,
 )
 
 # HDF5 files from untrusted sources are opened and validated before any data is read.
@@ -232,7 +232,7 @@ class RepertoireFile:
         if "nets" not in file:
             return ()
         check_link(file, "nets")
-        return tuple(name for name in NETS if name in file["nets"])
+        return net_names_in(member_names(file, "nets", checks.MAX_NETS))
 
     def read(self, name: str, part: slice = slice(None)) -> NDArray[Any]:
         """An array of the schema, or a slice of its first axis. Strings become numpy str.

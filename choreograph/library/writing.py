@@ -29,6 +29,7 @@ from choreograph.library.schema import (
     axis_sizes,
     delta_encode,
     layout_of,
+    net_names_in,
 )
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import STYLE_DIM
@@ -200,7 +201,7 @@ def _check(contents: Contents) -> None:
     if missing:
         raise RepertoireError(f"expected all arrays of a repertoire, got no {', '.join(missing)}")
     axis_sizes({name: np.shape(contents.arrays[name]) for name in expected})
-    unknown = set(contents.nets) - set(NETS)
+    unknown = set(contents.nets) - set(net_names_in(contents.nets))
     if unknown:
         raise RepertoireError(f"expected networks among {', '.join(NETS)}, got {', '.join(sorted(unknown))}")
 

@@ -294,15 +294,18 @@ def word_config(preset: str, **changes: Any) -> WordConfig:
 class RolloutConfig:
     """Sizes and training settings of the rollout network, which are stored with its weights.
 
-    In the paper, conditions are not standardised, the network is conditioned on medoids only, 5
-    teacher-forced frames alternate with 5 self-fed frames, and the only loss weight is `perceptual_weight`.
-    The other settings are ours.
+    In the paper, there is one network for each genre, conditions enter the LSTM as they are, motifs are
+    medoids only, 5 teacher-forced frames alternate with 5 self-fed frames, and the loss is that of equation
+    10. `choreograph.settings.ROLLOUT` lists these values. The other settings are ours.
     """
 
     n_joints: int = 24  # of the takes' skeleton, set by the training
+    by_genre: bool = False  # one network for each genre instead of one for all
+    genre: str = ""  # of the takes of a network `by_genre`, set by the training
     width: int = 256  # of the LSTM
     n_layers: int = 2  # of the LSTM
-    condition_width: int = 192  # of the embedded conditions
+    condition_width: int = 192  # of the embedded conditions, or 0: they enter the LSTM as they are
+    standardised: bool = True  # conditions and the motion of the root
     use_audio: bool = True  # rhythm and phases. False is the ablation without audio
     motifs: bool = True  # False is the acLSTM baseline
     phase: bool = True  # condition on the phase in the word and its duration, which the paper does not
@@ -311,6 +314,7 @@ class RolloutConfig:
     style_strength: float = 1.5  # β of equation 4
     style_fade_s: float = 1.0  # of the transition between styles of words, or 0 for the paper's window
     style_dropout: float = 0.5  # share of sequences without style
+    loss: str = "weighted"  # all of the weights below, or "paper": equation 10
     perceptual_weight: float = 0.5  # λ of equation 10
     position_weight: float = 2.0  # of joint positions
     velocity_weight: float = 0.3  # of joint velocities
@@ -326,13 +330,16 @@ class RolloutConfig:
     steps: int = 1500  # of the training
     learning_rate: float = 1e-3  # at its highest
     weight_decay: float = 1e-4  # of AdamW, or 0 for Adam
+    schedule: str = "cosine"  # of the learning rate, after a warm-up, or "constant"
 
     def __post_init__(self) -> None:
-        sizes = (self.n_joints, self.width, self.n_layers, self.condition_width, self.teacher_frames)
+        sizes = (self.n_joints, self.width, self.n_layers, self.condition_width + 1, self.teacher_frames)
         if min(*sizes, *self.self_fed_frames, self.batch_size, self.steps) < 1 or self.frames < 2:
             raise ParameterError(f"expected sizes of 1 or more and sequences of 2 frames or more, got {self}")
         if self.n_layers > MAX_DEPTH:
             raise ParameterError(f"expected at most {MAX_DEPTH} layers, got {self.n_layers}")
+        check_choice("a loss", self.loss, ("weighted", "paper"))
+        check_choice("a schedule", self.schedule, ("cosine", "constant"))
         if not self.tempi or min(self.tempi) <= 0:
             raise ParameterError(f"expected tempi above 0, got {self.tempi}")
         if not (0 <= self.own_embedding_share <= 1 and 0 <= self.style_dropout <= 1):

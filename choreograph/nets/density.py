@@ -73,20 +73,27 @@ class MotionDensity(StoredNet):
         density = self.to_density(x)[:, 0]
         return standardised(density) if self.config.unit_variance else density, content
 
+    def clip_densities(self, clips_m: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Tempo-densities (N, 160) of clips, each from this clip alone, as in the paper.
+
+        `clips_m` (N, 160, 21, 3) are their body positions in metres, at 20 fps.
+        """
+        body = np.asarray(clips_m, np.float32)
+        return self._in_batches(len(body), lambda p: self(torch.from_numpy(centred(body[p])))[0], CLIP_FRAMES)
+
     def take_density(self, body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Tempo-density (T,) of a whole take, body positions (T, 21, 3) in metres at 20 fps.
 
         It is the mean over windows of 8 s, one starting every second. The last pose of a shorter take is
-        repeated. The paper estimates the density of each clip from the clip alone. Here, the density of a
-        clip is the mean of the estimates of all clips that overlap with it.
+        repeated. The paper estimates the density of each clip from the clip alone (`clip_densities`). Here,
+        the density of a clip is the mean of the estimates of all clips that overlap with it.
         """
         body = checked_body_pos_m(body_pos_m).astype(np.float32)
         n_frames = len(body)
         last = max(0, n_frames - CLIP_FRAMES)
         starts = np.unique(np.append(np.arange(0, last + 1, _HOP_FRAMES), last))
         frames = starts[:, None] + np.arange(CLIP_FRAMES)  # (N, 160)
-        clips = np.minimum(frames, n_frames - 1)
-        curves = self._in_batches(len(starts), lambda p: self(torch.from_numpy(centred(body[clips[p]])))[0])
+        curves = self.clip_densities(body[np.minimum(frames, n_frames - 1)])
         # The ends of a window have the least context, so they have the least weight.
         weights = np.broadcast_to(np.hanning(CLIP_FRAMES + 2)[1:-1] + 1e-3, frames.shape)
         total = np.bincount(frames.ravel(), (weights * curves).ravel())

@@ -56,11 +56,13 @@ class RolloutNet(StoredNet):
         self.config = config
         width, n_pose = config.width, ROOT_DIM + 4 * config.n_joints + N_FEET
         n_conditions = WORD_DIM + RHYTHM_DIM + PHASE_DIM + COUNT_PHASE_DIM * config.count_phase
-        self.conditions = nn.Sequential(
-            nn.Linear(n_conditions, config.condition_width), nn.GELU(),
-            nn.Linear(config.condition_width, config.condition_width), nn.GELU(),
-        )  # fmt: skip
-        self.into = nn.Linear(config.condition_width, 4 * width)
+        self.conditions: nn.Module = nn.Identity()
+        if config.condition_width:
+            self.conditions = nn.Sequential(
+                nn.Linear(n_conditions, config.condition_width), nn.GELU(),
+                nn.Linear(config.condition_width, config.condition_width), nn.GELU(),
+            )  # fmt: skip
+        self.into = nn.Linear(config.condition_width or n_conditions, 4 * width)
         self.pose = nn.Linear(n_pose, 4 * width, bias=False)
         self.recurrent = nn.ModuleList(
             nn.Linear(width, 4 * width, bias=False) for _ in range(config.n_layers)
@@ -85,7 +87,10 @@ class RolloutNet(StoredNet):
         return [(zero, zero)] * self.config.n_layers
 
     def embed_conditions(self, conditions: RolloutConditions) -> tuple[Tensor, Tensor]:
-        """Conditions as gate inputs of the first layer (B, T, 4 W), and as input of the last (B, T, C)."""
+        """Conditions as gate inputs of the first layer (B, T, 4 W), and as input of the last (B, T, C).
+
+        C is 0 where they are not embedded, as in the paper, whose last layer has the LSTM alone as its input.
+        """
         config = self.config
         motif = conditions.motif / self.motif_std if config.motifs else torch.zeros_like(conditions.motif)
         rhythm = (conditions.rhythm - self.rhythm_mean) / self.rhythm_std
@@ -96,7 +101,7 @@ class RolloutNet(StoredNet):
         if config.count_phase:
             inputs.append(conditions.count_phase * config.use_audio)
         condition = self.conditions(torch.cat(inputs, dim=-1))
-        return self.into(condition), condition
+        return self.into(condition), condition[..., : config.condition_width]
 
     def step(
         self, pose: Tensor, gate_inputs: Tensor, condition: Tensor, state: State

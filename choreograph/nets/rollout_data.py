@@ -149,6 +149,7 @@ class RolloutTake:
     motif: AnyFloats  # (N, 184) embedding of each word's motif, that is of its medoid
     embedding: AnyFloats  # (N, 184) of each word
     spectral: AnyFloats  # (N, 87) of each word's music
+    genre: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -35,15 +35,49 @@ class RolloutLosses:
         self._words = words.eval().requires_grad_(False)
         self._config = config
 
-    def total(self, net: RolloutNet, predicted: Tensor, batch: RolloutBatch) -> Tensor:
-        """The weighted sum for poses (B, T - 1, P) of `unroll`."""
-        config, target = self._config, batch.pose[:, 1:]
+    def total(
+        self, net: RolloutNet, predicted: Tensor, batch: RolloutBatch, *, self_fed_frames: int
+    ) -> Tensor:
+        """The loss of poses (B, T - 1, P) of `unroll`."""
         conditions = replace(
             batch.conditions,
             progress=batch.conditions.progress[:, 1:],
+            word_s=batch.conditions.word_s[:, 1:],
             spectral=None if batch.conditions.spectral is None else batch.conditions.spectral[:, 1:],
         )
         styled = net.apply_style(predicted, conditions)
+        if self._config.loss == "paper":
+            return self._paper_loss(net, predicted, styled, batch, self_fed_frames)
+        return self._weighted_loss(net, predicted, styled, batch)
+
+    def _paper_loss(
+        self, net: RolloutNet, predicted: Tensor, styled: Tensor, batch: RolloutBatch, self_fed_frames: int
+    ) -> Tensor:
+        """Equation 10: the coherence of both kinds of frames, equations 7 and 8, and λ times equation 9.
+
+        Coherence is that of the LSTM's own poses, and equation 9 that of poses with style. The losses of
+        positions and contacts are added, which the paper names without a formula. That of positions is the
+        sum over the joints as in equation 6, in metres, along the path of the root, since no other term has
+        the root's displacement.
+        """
+        config, target = self._config, batch.pose[:, 1:]
+        geodesic = geodesic_rad(net.rotations(predicted), net.rotations(target)).sum(dim=-1)  # (B, T - 1)
+        frame = torch.arange(geodesic.shape[1], device=geodesic.device)
+        given_truth = frame % (config.teacher_frames + self_fed_frames) < config.teacher_frames
+        loss = geodesic[:, given_truth].mean() + geodesic[:, ~given_truth].mean()
+        distance_m = (self._world_pos_m(net, predicted) - self._world_pos_m(net, target)).norm(dim=-1)
+        contact = functional.binary_cross_entropy_with_logits(predicted[..., -N_FEET:], target[..., -N_FEET:])
+        loss = loss + config.position_weight * distance_m.sum(dim=-1).mean() + config.contact_weight * contact
+        if config.perceptual_weight > 0 and len(batch.word_motif):
+            loss = loss + config.perceptual_weight * self._perceptual_m(self._world_pos_m(net, styled), batch)
+        result: Tensor = loss
+        return result
+
+    def _weighted_loss(
+        self, net: RolloutNet, predicted: Tensor, styled: Tensor, batch: RolloutBatch
+    ) -> Tensor:
+        """Ours: the weighted sum of the configuration, of poses with style."""
+        config, target = self._config, batch.pose[:, 1:]
         coherence = geodesic_rad(net.rotations(styled), net.rotations(target)).mean()
         styled_m, target_m = (self._local_pos_m(net, pose) for pose in (styled, target))
         position = (styled_m - target_m).norm(dim=-1).mean()
@@ -134,6 +168,29 @@ def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) ->
 # Training of the rollout network with auto-conditioning (Rhythm is a Dancer, section 4.4).
 
 
+def train_rollouts(
+    takes: Sequence[RolloutTake],
+    words: WordNet,
+    config: RolloutConfig,
+    *,
+    seed: int,
+    context: TrainingContext | None = None,
+    pretrained: Mapping[str, NDArray[Any]] | None = None,
+) -> Iterator[RolloutNet]:
+    """Train the network, or with `config.by_genre` one for each genre, in the order of their names.
+
+    Raises as `train_rollout`.
+    """
+    if not config.by_genre:
+        yield train_rollout(takes, words, config, seed=seed, context=context, pretrained=pretrained)
+        return
+    for index, genre in enumerate(sorted({take.genre for take in takes})):
+        yield train_rollout(
+            [take for take in takes if take.genre == genre], words, replace(config, genre=genre),
+            seed=seed, context=context, pretrained=pretrained, name=f"rollout_{index}",
+        )  # fmt: skip
+
+
 def train_rollout(
     takes: Sequence[RolloutTake],
     words: WordNet,
@@ -142,8 +199,11 @@ def train_rollout(
     seed: int,
     context: TrainingContext | None = None,
     pretrained: Mapping[str, NDArray[Any]] | None = None,
+    name: str = "rollout",
 ) -> RolloutNet:
     """Train the network on takes of one skeleton. `words` is the frozen P of the perceptual loss.
+
+    `name` is that of its checkpoint.
 
     Raises `ParameterError` if no take has motion words for longer than a training sequence.
     """
@@ -155,7 +215,7 @@ def train_rollout(
         net = RolloutNet(config)
     if pretrained is not None:
         load_pretrained(net, "rollout", pretrained)
-    else:
+    elif config.standardised:
         _init_statistics(net, data)
     losses = RolloutLosses(skeleton, words, config)
 
@@ -164,17 +224,19 @@ def train_rollout(
         batch = data.batch(
             config.batch_size, rng, own_embedding_share=config.own_embedding_share, with_style=with_style
         )
-        predicted = unroll(net, batch, self_fed_frames=int(rng.choice(config.self_fed_frames)))
-        return losses.total(net, predicted, batch)
+        self_fed_frames = int(rng.choice(config.self_fed_frames))
+        predicted = unroll(net, batch, self_fed_frames=self_fed_frames)
+        return losses.total(net, predicted, batch, self_fed_frames=self_fed_frames)
 
     train(
         net,
         loss,
-        name="rollout",
+        name=name,
         n_steps=config.steps,
         learning_rate=config.learning_rate,
         weight_decay=config.weight_decay,
         seed=seed,
+        schedule=config.schedule,
         configuration={**asdict(config), "takes": [take.name for take in takes]},
         context=context,
     )

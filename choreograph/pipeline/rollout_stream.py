@@ -108,7 +108,7 @@ class RolloutStream:
     ) -> None:
         DanceConfig(seed=seed, fps=fps)  # checks them
         self._repertoire = as_repertoire(repertoire)
-        self._net = self._repertoire.rollout_net()
+        networks = self._repertoire.rollout_genres
         if genre is not None:
             self._repertoire.vocabulary.genre_index(genre)
         requested = genre or ALL_GENRES
@@ -126,6 +126,9 @@ class RolloutStream:
             if genre is None:
                 likely = likely_genre(features, self._repertoire, make_constraints())
                 genre, self.notes = likely.genre, (*self.notes, genre_note([likely]))
+        if networks and genre not in networks:
+            raise unexpected(f"a genre with a rollout network, among {', '.join(networks)}", genre)
+        self._net = self._repertoire.rollout_net(genre or "")
         beat_times_s = self.counts.times_s
         self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
         self.notes += metre_notes

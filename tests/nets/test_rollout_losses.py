@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 from synthetic_rollouts import synthetic_takes, synthetic_words
 
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout import N_FEET, RolloutNet
+from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
 from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutData
 from choreograph.nets.rollout_training import RolloutLosses, _border_speed_m_s
 
@@ -23,8 +24,8 @@ def test_the_loss_is_near_zero_only_for_the_right_poses():
     losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
     poses = batch.pose[:, 1:].clone()
     poses[..., -N_FEET:] = torch.logit(poses[..., -N_FEET:].clamp(0.01, 0.99))
-    right = float(losses.total(net, poses, batch))
-    wrong = float(losses.total(net, poses.flip(1), batch))
+    right = float(losses.total(net, poses, batch, self_fed_frames=5))
+    wrong = float(losses.total(net, poses.flip(1), batch, self_fed_frames=5))
     assert right < 0.15 and wrong > 3 * right
 
 
@@ -53,3 +54,26 @@ def test_the_speed_at_borders_is_the_dancers_own():
     # Arms are at rest where words meet: half a word later they are not.
     late_m = torch.roll(target_m, round(0.25 * ROLLOUT_FPS), dims=1)
     assert float(_border_speed_m_s(late_m, target_m, batch)) > 0.02
+
+
+def test_the_coherence_of_the_paper_is_that_of_equations_7_and_8():
+    takes = synthetic_takes()
+    config = rollout_config(
+        "tiny", loss="paper", teacher_frames=3, perceptual_weight=0.0, position_weight=0.0, contact_weight=0.0
+    )
+    net = RolloutNet(config)
+    batch = RolloutData(takes, config.frames).batch(
+        2, np.random.default_rng(0), own_embedding_share=0.0, with_style=True
+    )
+    predicted = torch.roll(batch.pose[:, 1:], 4, dims=1)
+    losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
+    found = float(losses.total(net, predicted, batch, self_fed_frames=2))
+    rotations = [
+        Rotation.from_quat(pose[..., ROOT_DIM:-N_FEET].reshape(-1, 4).numpy(), scalar_first=True)
+        for pose in (predicted, batch.pose[:, 1:])
+    ]
+    angles = (rotations[0].inv() * rotations[1]).magnitude().reshape(2, config.frames - 1, -1).sum(axis=2)
+    given_truth = np.arange(config.frames - 1) % 5 < 3  # three teacher-forced frames, then two self-fed ones
+    expected = angles[:, given_truth].mean() + angles[:, ~given_truth].mean()
+    assert found == pytest.approx(expected, abs=0.05 + 1e-3 * expected)  # smooth where rotations agree
+    assert expected > 0.5

@@ -1,5 +1,7 @@
 """The rollout network: auto-conditioning, style, ablations, training and storage."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,8 +11,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
 from choreograph.nets.rollout_data import RolloutData, to_poses, word_conditions
-from choreograph.nets.rollout_training import train_rollout, unroll
+from choreograph.nets.rollout_training import train_rollout, train_rollouts, unroll
 from choreograph.nets.training import TrainingContext
+from choreograph.settings import ROLLOUT
 
 pytestmark = pytest.mark.slow
 
@@ -127,3 +130,25 @@ def test_takes_too_short_are_refused_in_one_line(synthetic):
     takes, words = synthetic
     with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):
         train_rollout(takes, words, rollout_config("tiny", frames=10_000), seed=0)
+
+
+def test_conditions_of_the_paper_enter_the_lstm_as_they_are(synthetic):
+    takes, words = synthetic
+    changes = {**ROLLOUT, "by_genre": False, "steps": 2, "frames": 40, "batch_size": 2}
+    net = train_rollout(takes, words, rollout_config("tiny", **changes), seed=0)
+    assert net.into.in_features == 184 + 4 + 3  # of which the three phases are 0
+    assert net.out.in_features == net.config.width
+    assert torch.equal(net.rhythm_mean, torch.zeros(4)) and torch.equal(net.motif_std, torch.ones(1))
+    arrays, stored = net.to_arrays()
+    assert RolloutNet.from_arrays(arrays, stored).config == net.config
+
+
+def test_each_genre_has_its_own_network(synthetic):
+    takes, words = synthetic
+    of_genres = [replace(take, genre=genre) for take, genre in zip(takes, ("b", "a", "b"), strict=True)]
+    config = rollout_config("tiny", by_genre=True, steps=2)
+    nets = list(train_rollouts(of_genres, words, config, seed=0))
+    assert [net.config.genre for net in nets] == ["a", "b"]
+    alone = train_rollout([of_genres[1]], words, replace(config, genre="a"), seed=0)
+    for name, value in nets[0].state_dict().items():
+        assert torch.equal(value, alone.state_dict()[name]), name

@@ -91,7 +91,7 @@ class GraphEngine:
                 f"{repertoire.path}: expected takes of {CLIP_S} s or more, got only shorter ones: "
                 "there is no clip"
             )
-        if config.density == "learned" and repertoire.density != "learned":
+        if config.density != "repertoire" and repertoire.density != "learned":
             raise RepertoireError(
                 f"{repertoire.path}: expected learned tempo-densities, got {repertoire.density} ones: "
                 "build it again with `choreograph build-db --density learned`, or --published"

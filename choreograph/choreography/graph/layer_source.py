@@ -237,6 +237,7 @@ def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Ca
     return mismatch
 
 
+_CLIPS_AT_ONCE = 1024  # 220 MB of positions
 _TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another seed gives another dance
 
 
@@ -259,7 +260,7 @@ def make_layers(
     joins_s = _joins_s(request)
     segments = warp_segments(
         candidate_clips(request, goals, costs, allowed), features.density, features.beat_times_s,
-        repertoire.clip_motion.density, repertoire.clip_motion.speed, _clip_beats(repertoire),
+        _clip_density(request), repertoire.clip_motion.speed, _clip_beats(repertoire),
         counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
         smoothed=config.time_maps == "smooth",
         report=substage(request.report, "warping"),
@@ -302,6 +303,24 @@ def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> Count
     if song is None or not grids.counted.any():
         return None
     return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
+
+
+def _clip_density(request: DanceRequest) -> Callable[[NDArray[np.integer]], NDArray[np.float32]]:
+    """The tempo-densities (K, 160) of clips (K,), stored or estimated from each clip alone."""
+    repertoire = request.repertoire
+    if request.config.density != "clip":
+        return repertoire.clip_motion.density
+    from choreograph.nets.density import MotionDensity
+
+    net = repertoire.net("motion_density")
+    estimator = MotionDensity.from_arrays(net.weights, net.config)
+    every = np.arange(repertoire.n_clips)
+    densities = [
+        estimator.clip_densities(repertoire.clip_motion.clip_pos_m(clips))
+        for clips in np.array_split(every, -(-len(every) // _CLIPS_AT_ONCE))
+    ]
+    of_clip = np.concatenate(densities)  # (N, 160)
+    return lambda clips: of_clip[clips]
 
 
 def _clip_beats(repertoire: Repertoire) -> ClipBeats:

@@ -63,14 +63,42 @@ class RolloutEngine:
         costs: Sequence[Cost],
     ) -> None:
         """As `Engine.check`. It needs motifs and a rollout network, and dances no take."""
-        repertoire.rollout_net()
+        genres = repertoire.rollout_genres
+        if genres and constraints.signature is not None and constraints.genre is None:
+            raise ParameterError(
+                f"expected a genre among {', '.join(genres)} beside the signature, got none: each genre has "
+                "its own rollout network"
+            )
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
         """A dance of the network. Each part follows its likely genre unless one is requested."""
+        request, notes = _of_one_genre(request)
         material, result = request.material, roll_out_motifs(request)
         of_motifs = sequence_notes(request.constraints)
-        return replace(result, notes=(*material.notes, *material.metre_notes, *of_motifs))
+        return replace(result, notes=(*material.notes, *notes, *material.metre_notes, *of_motifs))
+
+
+def _of_one_genre(request: DanceRequest) -> tuple[DanceRequest, tuple[str, ...]]:
+    """The request with one goal, where each genre has its own network, and a note if there were several.
+
+    It is the genre of most seconds of the song among those that have a network.
+    """
+    genres, goals = request.repertoire.rollout_genres, request.material.goals
+    if not genres:
+        return request, ()
+    seconds = np.diff([*(goal.first_second for goal in goals), request.song_features.n_seconds])
+    having = [index for index, goal in enumerate(goals) if goal.genre in genres]
+    if not having:
+        danced = ", ".join(sorted({str(goal.genre) for goal in goals}))
+        raise ParameterError(
+            f"expected a genre with a rollout network, among {', '.join(genres)}, got {danced}: choose one"
+        )
+    longest = goals[max(having, key=lambda index: seconds[index])]
+    material = replace(request.material, goals=(replace(longest, first_second=0),))
+    others = {goal.genre for goal in goals} - {longest.genre}
+    notes = (f"{longest.genre} throughout, because each genre has its own rollout network",) if others else ()
+    return replace(request, material=material), notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +304,8 @@ def _generated(
         count_phase=count_phase(constraints.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
         spectral=spectral,
     )
-    net = repertoire.rollout_net().with_style(config.style_strength, config.style_window)
+    net = repertoire.rollout_net(request.material.goals[0].genre or "")
+    net = net.with_style(config.style_strength, config.style_window)
     return generate_motion(
         net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),

@@ -35,7 +35,7 @@ from choreograph.library.builtin import pretrained_set
 from choreograph.library.motifs import Vocabulary, motif_arrays
 from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.schema import Contents, NetArrays
+from choreograph.library.schema import Contents, NetArrays, rollout_names
 from choreograph.library.songs import SongCache, song_notes
 from choreograph.library.writing import ClipDensity, EmbedMotion, MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.motion import Take
@@ -164,6 +164,7 @@ def _provenance(
         "selection_beat_weight": selection_beat_weight,
         "style_changes": dict(options.style_changes),
         "density_changes": dict(options.density_changes),
+        "rollout_changes": dict(options.rollout_changes),
     }
 
 
@@ -244,12 +245,12 @@ def _rollout_net(
     teacher: Teacher | None,
     report: ProgressReport | None,
 ) -> dict[str, NetArrays]:
-    """The rollout network by its name, kept or trained, or nothing if the options do not include it.
+    """The rollout network, or that of each genre, by its name, kept or trained, or nothing without it.
 
     The `teacher` makes dances from `contents`, the repertoire without this network.
     """
-    if "rollout" in pretrained.kept:
-        return {"rollout": pretrained.kept["rollout"]}
+    if kept := rollout_names(pretrained.kept):
+        return {name: pretrained.kept[name] for name in kept}
     if not options.rollout:
         return {}
     from choreograph.library.building.rollout import taught_dances, train_rollout_network
@@ -261,10 +262,9 @@ def _rollout_net(
     if teacher is not None and options.rollout_teacher:
         dances = taught_dances(contents, [m.take for m in measured], teacher, context.folder)
     words = WordNet.from_arrays(parts.nets["words"].weights, parts.nets["words"].config)
-    config = rollout_config(options.preset)
+    config = rollout_config(options.preset, **options.rollout_changes)
     begins = pretrained.nets.get("rollout")
-    net = train_rollout_network(
+    return train_rollout_network(
         measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
         dances=dances, songs=songs, seed=options.seed, context=context, pretrained=begins, report=report,
     )  # fmt: skip
-    return {"rollout": net}

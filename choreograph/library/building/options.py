@@ -13,7 +13,7 @@ from choreograph.core.settings import Range, settings
 from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.bone_map import check_bone_map
-from choreograph.nets.configs import config_from_preset, density_config, style_config
+from choreograph.nets.configs import config_from_preset, density_config, rollout_config, style_config
 
 Preset = Literal["tiny", "small", "paper"]
 Density = Literal["analytic", "learned"]
@@ -104,6 +104,9 @@ class BuildOptions:
     density_changes: Mapping[str, Any] = field(default_factory=dict)
     """Fields of `DensityConfig` that differ from those of the preset."""
 
+    rollout_changes: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of `RolloutConfig` that differ from those of the preset."""
+
     allow_outside: bool = False
     """Whether songs that a manifest names outside of its folder are read. Allow it for your own manifests
     only."""
@@ -119,7 +122,11 @@ class BuildOptions:
 
     def __post_init__(self) -> None:
         check_bone_map(self.bone_map)
-        for config, changes in ((style_config, self.style_changes), (density_config, self.density_changes)):
+        for config, changes in (
+            (style_config, self.style_changes),
+            (density_config, self.density_changes),
+            (rollout_config, self.rollout_changes),
+        ):
             config_from_preset({self.preset: config(self.preset)}, self.preset, changes)
 
 
@@ -145,6 +152,7 @@ class BuildSettings(TypedDict, total=False):
     words: bool
     style_changes: Mapping[str, Any]
     density_changes: Mapping[str, Any]
+    rollout_changes: Mapping[str, Any]
     allow_outside: bool
     bone_map: Mapping[str, str] | None
     method: str

@@ -23,9 +23,8 @@ from choreograph.library.songs import SongCache, music_of_take
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import RolloutConfig
-from choreograph.nets.rollout import RolloutNet
 from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutTake
-from choreograph.nets.rollout_training import train_rollout
+from choreograph.nets.rollout_training import train_rollouts
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words import WordNet
 
@@ -47,23 +46,25 @@ def train_rollout_network(
     context: TrainingContext,
     pretrained: NetArrays | None,
     report: ProgressReport | None,
-) -> NetArrays:
-    """Train the rollout network on all takes with music and on `dances` of them.
+) -> dict[str, NetArrays]:
+    """Train the rollout network on all takes with music and on `dances` of them. Returns it by its name.
 
-    Training starts from `pretrained` if given. Raises `ParameterError` if no take has words with music for as
-    long as a training sequence.
+    With `RolloutConfig.by_genre` there is one for each genre, as in the paper (section 5). Training starts
+    from `pretrained` if given. Raises `ParameterError` if no take, or no take of a genre, has words with
+    music for as long as a training sequence.
     """
     takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
     if dances:
         danced = [measure_take(take) for take in dances]
         danced_words, of_dances = words_of_dances(danced, vocabulary, words, songs)
         takes += rollout_takes(danced, danced_words, of_dances, words, songs=songs, report=report)
-    net: RolloutNet = train_rollout(
-        takes, words, config, seed=seed, context=context,
-        pretrained=None if pretrained is None else pretrained.weights,
-    )  # fmt: skip
-    weights, stored = net.to_arrays()
-    return NetArrays(stored, weights)
+    weights = None if pretrained is None else pretrained.weights
+    nets = {}
+    trained = train_rollouts(takes, words, config, seed=seed, context=context, pretrained=weights)
+    for index, net in enumerate(trained):
+        arrays, stored = net.to_arrays()
+        nets[f"rollout_{index}" if config.by_genre else "rollout"] = NetArrays(stored, arrays)
+    return nets
 
 
 def taught_dances(contents: Contents, takes: Sequence[Take], teacher: Teacher, work: Path) -> list[Take]:
@@ -111,6 +112,7 @@ def rollout_takes(
                 motif=vocabulary.motifs.embeddings[motif],
                 embedding=words.embed(bounds.body_pos_m),
                 spectral=music.spectral,
+                genre=take.credits.genre,
             )
         )
         if report is not None:
