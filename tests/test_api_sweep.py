@@ -123,9 +123,12 @@ def values_of(instance: Any) -> dict[str, Any]:
 
 def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
     """By public name, of which some are called in several ways, told apart after a colon."""
+    return {**sound_classes(t), **sound_functions(t)}
+
+
+def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
+    """The calls of classes and of their methods."""
     motion, skeleton, layer, stream = t.motion, t.motion.skeleton, t.layer, t.stream
-    dance = partial(cg.dance, song=t.song, repertoire=t.repertoire)
-    follow = ("genre", "signature", "motifs", "pins", "bans", "motif_draw")
     return {
         "Ban": sound(cg.Ban, genre="a"),
         "BuildOptions": sound(cg.BuildOptions),
@@ -197,6 +200,14 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         "SongFeatures": sound(cg.SongFeatures, **values_of(t.features)),
         "Take": sound(cg.Take, **values_of(t.take)),
         "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
+    }  # fmt: skip
+
+
+def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
+    """The calls of functions."""
+    dance = partial(cg.dance, song=t.song, repertoire=t.repertoire)
+    follow = ("genre", "signature", "motifs", "pins", "bans", "motif_draw")
+    return {
         "build": sound(
             cg.build, sources=t.folder / "empty", output="rep.h5", preset="tiny", pretrained="nothing"
         ),
@@ -208,9 +219,9 @@ def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
         "dance:rollout": Sound(
             dance, {"engine": "rollout"}, ("style_song", "style_strength", "style_window", *follow)
         ),
-        "evaluate": sound(cg.evaluate, motion=motion, song=t.song),
+        "evaluate": sound(cg.evaluate, motion=t.motion, song=t.song),
         "load_motion": sound(cg.load_motion, path=t.folder / "made.npz"),
-        "save_motion": sound(cg.save_motion, path="a.npz", motion=motion),
+        "save_motion": sound(cg.save_motion, path="a.npz", motion=t.motion),
         "load_song": sound(cg.load_song, path=t.folder / "clicks.wav"),
         "motifs_of": sound(cg.motifs_of, take="take0", repertoire=t.repertoire),
         "motifs_of:file": Sound(

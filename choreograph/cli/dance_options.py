@@ -104,7 +104,7 @@ _SETTINGS = (
     ),
     optgroup.option(
         "--config", cls=_Planned, metavar="FILE|published",
-        help="TOML file of settings, or those of the engine's paper. Options and --set replace them.",
+        help="TOML file of settings, or published, for those of the paper. Options and --set replace them.",
     ),
     optgroup.option(
         "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."

@@ -165,13 +165,15 @@ class Repertoire:
 
     @cached_property
     def _rollout_nets(self) -> dict[str, NetArrays]:
-        """The rollout networks by their genre, which is "" for one of all genres."""
+        """The one rollout network by its name, or those of the genres by these."""
         nets = {name: self.net(name) for name in rollout_names(self.net_names)}
         if not nets:
             raise RepertoireError(
                 f"{self.path}: expected a rollout network, got a repertoire without one: build it again with "
                 "`choreograph build-db --rollout`"
             )
+        if "rollout" in nets:
+            return {"rollout": nets["rollout"]}
         return {str(net.config.get("genre", "")): net for net in nets.values()}
 
     @property
@@ -180,7 +182,7 @@ class Repertoire:
 
         Raises `RepertoireError` if there is no rollout network.
         """
-        return tuple(genre for genre in self._rollout_nets if genre)
+        return () if "rollout" in self.net_names else tuple(self._rollout_nets)
 
     def rollout_net(self, genre: str = "") -> RolloutNet:
         """The network that generates motion from motifs, of `genre` if each genre has its own.
@@ -191,7 +193,7 @@ class Repertoire:
 
         check_text("a genre", genre)
         nets = self._rollout_nets
-        net = nets.get("", nets.get(genre))
+        net = nets.get(genre if self.rollout_genres else "rollout")
         if net is None:
             raise RepertoireError(
                 f"{self.path}: expected a genre among {', '.join(nets)}, which have a rollout network, "

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
+from choreograph.core.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.configs import RolloutConfig
@@ -184,9 +185,15 @@ def train_rollouts(
     if not config.by_genre:
         yield train_rollout(takes, words, config, seed=seed, context=context, pretrained=pretrained)
         return
-    for index, genre in enumerate(sorted({take.genre for take in takes})):
+    of_genres = {name: [t for t in takes if t.genre == name] for name in sorted({t.genre for t in takes})}
+    for genre, of_genre in of_genres.items():  # before hours of training
+        try:
+            RolloutData(of_genre, config.frames, config.tempi)
+        except ParameterError as error:
+            raise ParameterError(f"the genre {genre!r}: {error}: leave out its takes") from error
+    for index, (genre, of_genre) in enumerate(of_genres.items()):
         yield train_rollout(
-            [take for take in takes if take.genre == genre], words, replace(config, genre=genre),
+            of_genre, words, replace(config, genre=genre),
             seed=seed, context=context, pretrained=pretrained, name=f"rollout_{index}",
         )  # fmt: skip
 

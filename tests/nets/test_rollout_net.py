@@ -143,6 +143,14 @@ def test_conditions_of_the_paper_enter_the_lstm_as_they_are(synthetic):
     assert RolloutNet.from_arrays(arrays, stored).config == net.config
 
 
+def test_a_genre_of_short_takes_is_named_before_any_training(synthetic):
+    takes, words = synthetic
+    short = replace(takes[1], start_s=takes[1].start_s[:1], end_s=takes[1].end_s[:1], genre="a")
+    config = rollout_config("tiny", by_genre=True, steps=2)
+    with pytest.raises(ParameterError, match="the genre 'a': expected a take of motion words"):
+        next(train_rollouts([takes[0], short], words, config, seed=0))
+
+
 def test_each_genre_has_its_own_network(synthetic):
     takes, words = synthetic
     of_genres = [replace(take, genre=genre) for take, genre in zip(takes, ("b", "a", "b"), strict=True)]

@@ -90,7 +90,7 @@ def _of_one_genre(request: DanceRequest) -> tuple[DanceRequest, tuple[str, ...]]
     seconds = np.diff([*(goal.first_second for goal in goals), request.song_features.n_seconds])
     having = [index for index, goal in enumerate(goals) if goal.genre in genres]
     if not having:
-        danced = ", ".join(sorted({str(goal.genre) for goal in goals}))
+        danced = ", ".join(sorted({goal.genre or "no genre" for goal in goals}))
         raise ParameterError(
             f"expected a genre with a rollout network, among {', '.join(genres)}, got {danced}: choose one"
         )
