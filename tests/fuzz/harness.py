@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 from acceptance.corpus import MAX_REFUSED_SHARE, SaneFile
-from fuzz.mutations import REPEATS, Repeated, mutated, repeated
+from fuzz.mutations import mutated
+from fuzz.repeats import REPEATS, Repeated, repeated
 
 from choreograph.core.errors import ChoreographError
 

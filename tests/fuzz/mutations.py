@@ -9,7 +9,6 @@ import re
 import struct
 import zipfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import h5py
@@ -19,12 +18,6 @@ Rng = np.random.Generator
 
 MAX_STEPS = 4  # changes of one file
 MAX_BYTES = 1 << 22
-MAX_UNPACKED_BYTES = 1 << 26  # of an array that is repeated
-REPEATS = (10, 10**6)  # of a part
-MOST_KEYS = (
-    10_000  # of an object: dictionaries of many more are slow by themselves, out of the processor's cache
-)
-REPEATED_BYTES = (1, 4096)  # of a part that is repeated as bytes
 LONGEST_DIGITS = 5000
 STRUCTURED_SHARE = 0.6  # of changes, where a format has a structure
 INTEGERS = (
@@ -81,32 +74,13 @@ def mutated(kind: str, seeds: Sequence[bytes], rng: Rng) -> bytes:
     structured = _STRUCTURED.get(kind)
     for _ in range(rng.integers(1, MAX_STEPS + 1)):
         if structured is not None and rng.random() < STRUCTURED_SHARE:
-            data = _tried(structured, data, rng) or data
+            data = tried(structured, data, rng) or data
         else:
             data = _BYTES[rng.integers(len(_BYTES))](data, seeds, rng)
     return data[:MAX_BYTES]
 
 
-@dataclass(frozen=True)
-class Repeated:
-    """A file in which one part is repeated."""
-
-    times: int
-    make: Callable[[int], bytes] = field(compare=False)  # the file with the part that many times
-
-
-def repeated(kind: str, seeds: Sequence[bytes], rng: Rng) -> Repeated:
-    """A seed, untouched or changed, with a part many times: bytes, lines, or an entry of its content."""
-    data = seeds[rng.integers(len(seeds))] if rng.random() < 0.7 else mutated(kind, seeds, rng)
-    make = _repeated_bytes(data, rng)
-    if kind in _REPEATED and rng.random() < STRUCTURED_SHARE:
-        make = _tried(_REPEATED[kind], data, rng) or make
-    part_bytes = max(1, (len(make(11)) - len(make(1))) // 10)
-    times = round(10 ** rng.uniform(*np.log10(REPEATS)))
-    return Repeated(max(REPEATS[0], min(times, MAX_BYTES // part_bytes)), make)
-
-
-def _tried(structured: Callable[[bytes, Rng], Any], data: bytes, rng: Rng) -> Any:
+def tried(structured: Callable[[bytes, Rng], Any], data: bytes, rng: Rng) -> Any:
     """The structured change of a file; None where it is damaged already and has no structure to change."""
     try:
         return structured(data, rng)
@@ -166,67 +140,6 @@ _DIGITS = re.compile(rb"\d+")
 _BYTES = (_flip, _overwrite, _truncate, _block, _splice, _join, _lengthen_digits)
 
 
-def _repeated_bytes(data: bytes, rng: Rng) -> Callable[[int], bytes]:
-    """Any bytes, or whole lines."""
-    start = int(rng.integers(len(data) + 1))
-    stop = min(len(data), start + round(10 ** rng.uniform(*np.log10(REPEATED_BYTES))))
-    if rng.random() < 0.5:
-        start = data.rfind(b"\n", 0, start) + 1
-        stop = data.find(b"\n", stop) + 1 or len(data)
-    part = data[start:stop] or b"\n"
-    return lambda n: data[:start] + part * n + data[stop:]
-
-
-def _repeated_json(data: bytes, rng: Rng) -> Callable[[int], bytes]:
-    """An entry of a list somewhere in the content, or of an object under names of its own."""
-    holders = [holder for holder in _holders(json.loads(data)) if holder]
-    at = int(rng.integers(len(holders)))
-    key = _key(holders[at], rng)
-
-    def make(n: int) -> bytes:
-        content = json.loads(data)
-        holder = [holder for holder in _holders(content) if holder][at]
-        if isinstance(holder, dict):
-            holder.update({f"{key}{i}": holder[key] for i in range(min(n, MOST_KEYS) - 1)})
-        else:
-            holder[key : key + 1] = [holder[key]] * n
-        return json.dumps(content).encode()
-
-    return make
-
-
-def _holders(content: Any) -> list[Any]:
-    """All lists and objects in a content, itself included."""
-    found, i = [content] if isinstance(content, dict | list) else [], 0
-    while i < len(found):
-        entries = found[i].values() if isinstance(found[i], dict) else found[i]
-        found += [entry for entry in entries if isinstance(entry, dict | list)]
-        i += 1
-    return found
-
-
-def _repeated_glb(data: bytes, rng: Rng) -> Callable[[int], bytes]:
-    text, _ = _glb_parts(data)
-    make = _repeated_json(text, rng)
-    return lambda n: _with_json(data, make(n))
-
-
-def _repeated_npz(data: bytes, rng: Rng) -> Callable[[int], bytes]:
-    """An array's entries along its first axis."""
-    with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-        arrays = dict(archive)
-    name = list(arrays)[rng.integers(len(arrays))]
-    most = max(1, MAX_UNPACKED_BYTES // max(1, arrays[name].nbytes))
-
-    def make(n: int) -> bytes:
-        packed = io.BytesIO()
-        array = np.concatenate([np.atleast_1d(arrays[name])] * min(n, most))
-        np.savez(packed, **arrays | {name: array})
-        return packed.getvalue()
-
-    return make
-
-
 def _json(data: bytes, rng: Rng) -> bytes:
     content = json.loads(data)
     if isinstance(content, dict | list) and content:
@@ -240,10 +153,10 @@ def _json(data: bytes, rng: Rng) -> bytes:
 def _change_within(content: Any, rng: Rng) -> None:
     """One entry somewhere in lists and objects replaced, left out, doubled or renamed."""
     holder = content
-    key = _key(holder, rng)
+    key = key_in(holder, rng)
     while isinstance(holder[key], dict | list) and holder[key] and rng.random() < 0.85:
         holder = holder[key]
-        key = _key(holder, rng)
+        key = key_in(holder, rng)
     change = rng.random()
     if change < 0.6:
         holder[key] = _value(rng)
@@ -257,7 +170,7 @@ def _change_within(content: Any, rng: Rng) -> None:
         holder[key] = [holder[key]]
 
 
-def _key(holder: Any, rng: Rng) -> Any:
+def key_in(holder: Any, rng: Rng) -> Any:
     at = int(rng.integers(len(holder)))
     return list(holder)[at] if isinstance(holder, dict) else at
 
@@ -310,18 +223,18 @@ def _words(data: bytes, rng: Rng) -> bytes:
 
 def _glb(data: bytes, rng: Rng) -> bytes:
     """Its JSON changed, and its lengths made right."""
-    text, _ = _glb_parts(data)
-    return _with_json(data, _json(text, rng))
+    text, _ = glb_parts(data)
+    return with_json(data, _json(text, rng))
 
 
-def _glb_parts(data: bytes) -> tuple[bytes, bytes]:
+def glb_parts(data: bytes) -> tuple[bytes, bytes]:
     """The JSON of a GLB, and what follows it."""
     length = int.from_bytes(data[12:16], "little")
     return data[20 : 20 + length].rstrip(), data[20 + length :]
 
 
-def _with_json(data: bytes, text: bytes) -> bytes:
-    _, rest = _glb_parts(data)
+def with_json(data: bytes, text: bytes) -> bytes:
+    _, rest = glb_parts(data)
     text += b" " * (-len(text) % 4)
     size = 20 + len(text) + len(rest)
     return data[:8] + struct.pack("<III", size & 0xFFFFFFFF, len(text), 0x4E4F534A) + text + rest
@@ -407,11 +320,6 @@ def _change_object(file: h5py.File, name: str, rng: Rng) -> None:
             file[name] = link
 
 
-_REPEATED: dict[str, Callable[[bytes, Rng], Callable[[int], bytes]]] = {
-    "json": _repeated_json,
-    "glb": _repeated_glb,
-    "npz": _repeated_npz,
-}
 _STRUCTURED: dict[str, Callable[[bytes, Rng], bytes]] = {
     "json": _json,
     "table": _table,

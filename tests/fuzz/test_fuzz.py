@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from acceptance.corpus import SaneFile
 from fuzz.harness import Input, Target, accepted, fuzz, in_jobs, input_of, replay
-from fuzz.mutations import MAX_BYTES, Repeated, _join, _lengthen_digits, _repeated_json, repeated
+from fuzz.mutations import MAX_BYTES, _join, _lengthen_digits
+from fuzz.repeats import Repeated, _repeated_json, repeated
 from fuzz.targets import all_targets
 
 from choreograph.core.errors import FormatError
