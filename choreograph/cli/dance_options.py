@@ -16,7 +16,7 @@ from click_option_group import GroupedOption, optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
 from choreograph.cli.present import Seconds, given_options, given_settings
-from choreograph.core.errors import ParameterError
+from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Options = TypeVar("Options")
-PUBLISHED = "published"  # instead of a file, for the settings of ChoreoGraph as published
+PUBLISHED = "published"  # instead of a file, for the settings of the paper of the engine
 _FILE = click.Path(path_type=Path)
 
 
@@ -236,8 +236,9 @@ class DanceOptions:
         }
         if self.config is not None:
             published = self.config == PUBLISHED
-            config = published_dance(self.engine or "graph") if published else load_config(self.config)
-            arguments["config"] = config
+            arguments["config"] = (
+                _published(self.engine or "graph", repertoire) if published else load_config(self.config)
+            )
         return arguments  # type: ignore[return-value]  # by name, as `DanceArguments` has them
 
     def _settings(self) -> dict[str, Any]:
@@ -245,6 +246,17 @@ class DanceOptions:
         options = {name: getattr(self, name) for name in ("beats", "engine", "seed", "fps")}
         options["weights"] = _weights(self.weight) or None
         return given_settings(DanceConfig, options, self.assigned)
+
+
+def _published(engine: str, repertoire: Repertoire) -> DanceConfig:
+    """The settings as published. Raises `RepertoireError` if a rollout network was trained otherwise."""
+    config = published_dance(engine)
+    if engine == "rollout" and not repertoire.rollout_genres:
+        raise RepertoireError(
+            f"{repertoire.path}: expected rollout networks of `choreograph build-db --published --rollout`, "
+            "got one that was trained otherwise: use --set motif_draw=absolute for equation 5 alone"
+        )
+    return config
 
 
 def _motifs(text: str, repertoire: Repertoire) -> Any:

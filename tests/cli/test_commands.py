@@ -46,6 +46,8 @@ def test_the_published_method_says_what_it_needs(tmp_path, song, db):
         "dance", song, "--db", db, "--config", "published", "--engine", "mixer", "--set", "density=clip"
     )
     assert_one_line(other, says="graph engine")
+    rolled = run("dance", song, "--config", "published", "--engine", "rollout")
+    assert_one_line(rolled, says="build-db --published --rollout")
     evaluated = run(
         "evaluate", "--db", db, "--songs", song.parent, "--variants", "as-published", "--seeds", 1
     )
