@@ -234,6 +234,14 @@ def test_python_in_the_readme_compiles_and_names_public_names():
             assert hasattr(cg, name), name
 
 
+@pytest.mark.slow
+def test_the_first_command_prints_what_the_readme_says(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    song = run("songs", "--path", "house").stdout.strip()
+    printed = re.search(r"first command prints `(.*?)`", (ROOT / "README.md").read_text(encoding="utf-8"))[1]
+    assert run("dance", song).stdout.strip() == printed
+
+
 def test_the_readme_is_short():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 110 and len(text.split()) <= 700
