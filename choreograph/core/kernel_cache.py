@@ -7,9 +7,11 @@ is one file whose name depends on everything that the code depends on. It is wri
 its checksum is right. One process compiles at a time, and the others read the result. If no folder can be
 written, kernels are compiled in every run, and a note is logged.
 
-numba has no public way to replace the files of its cache, so `kernel_cache` replaces two of its private names
-while functions are decorated. `_why_not_replaced` first checks that they are as in the supported versions
-(0.60 to 0.68). With any other numba, nothing is cached, and a note is logged.
+numba has no public way to replace the files of its cache, so `kernel_cache` replaces three of its private
+names while functions are decorated. A gufunc without signatures, such as those of librosa 1.0, makes its
+wrapper when it is called, so its builder replaces them again then. `_why_not_replaced` first checks that
+they are as in the supported versions (0.60 to 0.68). With any other numba, nothing is cached, and a note is
+logged.
 """
 
 from __future__ import annotations
@@ -38,13 +40,14 @@ _WAIT_S = 60.0  # for another process that compiles, before this one does so bes
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
 # The private names of numba that are used here, each with the parameters that it must have.
 _PRIVATE = {
-    "caching.IndexDataCacheFile": ["cache_path", "filename_base", "source_stamp"],
-    "caching.IndexDataCacheFile.load": ["self", "key"],
-    "caching.IndexDataCacheFile.save": ["self", "key", "data"],
-    "caching.IndexDataCacheFile.flush": ["self"],
-    "caching.Cache._index_key": ["self", "sig", "codegen"],
-    "serialize.dumps": ["obj"],
-    "sigutils.normalize_signature": ["sig"],
+    "core.caching.IndexDataCacheFile": ["cache_path", "filename_base", "source_stamp"],
+    "core.caching.IndexDataCacheFile.load": ["self", "key"],
+    "core.caching.IndexDataCacheFile.save": ["self", "key", "data"],
+    "core.caching.IndexDataCacheFile.flush": ["self"],
+    "core.caching.Cache._index_key": ["self", "sig", "codegen"],
+    "core.serialize.dumps": ["obj"],
+    "core.sigutils.normalize_signature": ["sig"],
+    "np.ufunc.gufunc.GUFuncBuilder.build_ufunc": ["self"],
 }
 _LOCATOR_METHODS = {"get_cache_path", "get_disambiguator", "get_source_stamp"}
 _DECORATORS = ("jit", "njit", "vectorize", "guvectorize")  # that take `cache=True`
@@ -75,8 +78,9 @@ def kernel_cache() -> Iterator[None]:
         why_not = _why_not_replaced()
         if why_not is None:
             replaced: list[tuple[Any, str, Any]] = [
-                (_private("caching"), "IndexDataCacheFile", _Entries),
-                (_private("caching.CacheImpl"), "_locator_classes", [_Locator]),
+                (_private("core.caching"), "IndexDataCacheFile", _Entries),
+                (_private("core.caching.CacheImpl"), "_locator_classes", [_Locator]),
+                (_private("np.ufunc.gufunc"), "GUFuncBuilder", _builder()),
             ]
         else:
             _note_once(f"compiled code is not kept, every run compiles it again: {why_not}")
@@ -98,23 +102,36 @@ def _why_not_replaced() -> str | None:
     for path, parameters in _PRIVATE.items():
         found = _private(path)
         if not callable(found) or list(inspect.signature(found).parameters) != parameters:
-            return f"{version} (numba.core.{path})"
-    locators = _private("caching.CacheImpl._locator_classes")
+            return f"{version} (numba.{path})"
+    locators = _private("core.caching.CacheImpl._locator_classes")
     if not isinstance(locators, list) or not all(set(dir(one)) >= _LOCATOR_METHODS for one in locators):
         return f"{version} (numba.core.caching.CacheImpl._locator_classes)"
     return None
 
 
 def _private(path: str) -> Any:
-    """The object of this name within `numba.core`, or None if there is none."""
+    """The object of this name within `numba`, or None if there is none."""
     import numba.core.caching
     import numba.core.serialize
     import numba.core.sigutils
+    import numba.np.ufunc.gufunc
 
-    found: Any = numba.core
+    found: Any = numba
     for name in path.split("."):
         found = getattr(found, name, None)
     return found
+
+
+@lru_cache(maxsize=1)
+def _builder() -> type:
+    """numba's builder of gufuncs, except that what it compiles at a later call is kept here, too."""
+    builder: Any = _private("np.ufunc.gufunc.GUFuncBuilder")
+
+    def build_ufunc(self: Any) -> Any:
+        with kernel_cache():  # before numba's own lock, as wherever functions are decorated
+            return builder.build_ufunc(self)
+
+    return type("_Builder", (builder,), {"build_ufunc": build_ufunc})
 
 
 def _uncached(decorator: Callable[..., Any]) -> Callable[..., Any]:
@@ -194,7 +211,7 @@ class _Entries:
         path = self._path(key)
         if path is None:
             return
-        payload: bytes = _private("serialize.dumps")(data)
+        payload: bytes = _private("core.serialize.dumps")(data)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_path(path) as temporary:
@@ -221,7 +238,7 @@ class _Entries:
 
 def _arguments(key: _Key) -> str:
     """The argument types of a key's signature, which wrappers and what they call write in two ways."""
-    return str(_private("sigutils.normalize_signature")(key[0])[0])
+    return str(_private("core.sigutils.normalize_signature")(key[0])[0])
 
 
 def _read(path: Path) -> bytes | None:
