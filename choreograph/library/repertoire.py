@@ -308,9 +308,9 @@ class Repertoire:
         last = (
             n_frames if stop_s is None else int(np.clip(np.ceil(stop_s * info.fps) + 2, first + 1, n_frames))
         )
-        part = slice(info.motion[0] + first, info.motion[0] + last)
-        root = self._file.read("motion/root_pos_m", part)
-        quat = rot.normalize(self._file.read("motion/local_quat", part).astype(np.float64))
+        rows = info.motion[0] + first, info.motion[0] + last
+        root = self._file.read_rows("motion/root_pos_m", *rows)
+        quat = rot.normalize(self._file.read_rows("motion/local_quat", *rows).astype(np.float64))
         return Motion(self.skeleton, root, quat, info.fps), first / info.fps
 
     def _take(self, take: int) -> int:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import mmap
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import h5py
@@ -149,6 +151,8 @@ def from_json(text: str, what: str) -> dict[str, Any]:
 
 
 _TEXT_BYTES = 1 << 30  # that are read at once at most
+_CACHE_BYTES = 1 << 26  # of rows that are kept: 45 minutes of a body at 60 fps
+_FEWEST_ROWS = 512  # that are read at once. A file takes milliseconds to open
 
 
 def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
@@ -166,8 +170,43 @@ def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
         return nets, provenance
 
 
+class RowCache:
+    """Keeps the blocks of rows that were used last, up to a number of bytes. Threads may share it."""
+
+    def __init__(self, n_bytes: int = _CACHE_BYTES) -> None:
+        self._most_bytes, self._n_bytes = n_bytes, 0
+        self._blocks: OrderedDict[tuple[str, int], NDArray[Any]] = OrderedDict()
+        self._version: object = None
+        self._lock = Lock()
+
+    def block(self, name: str, index: int, version: object) -> NDArray[Any] | None:
+        """A block of an array, or None if it is not kept. Blocks of another version are dropped."""
+        with self._lock:
+            self._expect(version)
+            if (name, index) in self._blocks:
+                self._blocks.move_to_end((name, index))
+            return self._blocks.get((name, index))
+
+    def keep(self, name: str, index: int, version: object, block: NDArray[Any]) -> None:
+        """Keep a block, which is read-only from now on, in place of those that were not used for longest."""
+        block.flags.writeable = False
+        with self._lock:
+            self._expect(version)
+            if (name, index) in self._blocks or block.nbytes > self._most_bytes:
+                return
+            self._blocks[name, index] = block
+            self._n_bytes += block.nbytes
+            while self._n_bytes > self._most_bytes:
+                self._n_bytes -= self._blocks.popitem(last=False)[1].nbytes
+
+    def _expect(self, version: object) -> None:
+        if version != self._version:
+            self._blocks.clear()
+            self._version, self._n_bytes = version, 0
+
+
 class RepertoireFile:
-    """An open repertoire file. Arrays are read on demand.
+    """An open repertoire file. Arrays are read on demand. Between reads the file is closed.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
     another version, or an array is not stored as `checks` expects. The shipped repertoire is not searched for
@@ -196,6 +235,8 @@ class RepertoireFile:
             self.net_names = self._find_nets(file)
             self.shapes = {array.name: array.shape for array in stored}
             self._sizes = axis_sizes(self.shapes)
+            self._block_rows = {array.name: _block_rows(array) for array in stored}
+            self._cache = RowCache()
 
     def _check_heaps(self) -> None:
         with (
@@ -247,6 +288,25 @@ class RepertoireFile:
             checks.check_values(name, array, self._sizes)
             return array
 
+    def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
+        """Rows `start` to `stop` of an array of numbers, read-only, in blocks that are kept for later calls.
+
+        Raises as `read` does. A file that was replaced is read again.
+        """
+        n_rows = self._block_rows[name]
+        with file_named(self.path, "a repertoire"):
+            status = self.path.stat()
+        version = status.st_mtime_ns, status.st_size, status.st_ino
+        parts = []
+        for index in range(start // n_rows, max(start, stop - 1) // n_rows + 1):
+            first = index * n_rows
+            block = self._cache.block(name, index, version)
+            if block is None:
+                block = self.read(name, slice(first, first + n_rows))
+                self._cache.keep(name, index, version, block)
+            parts.append(block[max(start - first, 0) : max(stop - first, 0)])
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
     def read_net(self, name: str) -> NetArrays:
         """A network's config and weights. Raises `RepertoireError` if the file has none of that name."""
         if name not in self.net_names:
@@ -254,6 +314,16 @@ class RepertoireFile:
             raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
         with opened(self.path, "a repertoire") as file:
             return _read_net(file, name, self.path)
+
+
+def _block_rows(array: StoredArray) -> int:
+    """The rows of an array that are read at once: whole chunks, unless they are too large to be kept."""
+    if array.is_quantised:
+        return DELTA_RESTART
+    chunk = array.chunk[0] if array.chunk else 1
+    n_rows = chunk * max(1, _FEWEST_ROWS // chunk)
+    n_bytes = n_rows * array.n_bytes // max(1, array.shape[0] if array.shape else 1)
+    return n_rows if n_bytes <= _CACHE_BYTES // 4 else _FEWEST_ROWS
 
 
 def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
