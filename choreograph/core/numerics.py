@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections import OrderedDict
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
+from threading import Lock
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +108,41 @@ def sums_before(blocks: Iterable[AnyFloats], frames: AnyInts) -> Floats:
         sums[inside] = running[frames[inside] - position]
         before, position = running[-1], position + len(block)
     return sums
+
+
+# Arrays, or groups of them, that are kept for later calls.
+
+_Item = TypeVar("_Item")
+
+
+class RecentItems(Generic[_Item]):
+    """Keeps the items that were used last, up to a number of bytes. Threads may share it. A copy is empty."""
+
+    def __init__(self, most_bytes: int) -> None:
+        self._most_bytes, self._n_bytes = most_bytes, 0
+        self._items: OrderedDict[Hashable, tuple[_Item, int]] = OrderedDict()
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[type[RecentItems[_Item]], tuple[int]]:
+        return type(self), (self._most_bytes,)
+
+    def get(self, key: Hashable) -> _Item | None:
+        """The item with this key, or None if it is not kept."""
+        with self._lock:
+            if key not in self._items:
+                return None
+            self._items.move_to_end(key)
+            return self._items[key][0]
+
+    def keep(self, key: Hashable, item: _Item, n_bytes: int) -> None:
+        """Keep an item, unless it is too large, in place of those that were not used for longest."""
+        with self._lock:
+            if key in self._items or n_bytes > self._most_bytes:
+                return
+            self._items[key] = item, n_bytes
+            self._n_bytes += n_bytes
+            while self._n_bytes > self._most_bytes:
+                self._n_bytes -= self._items.popitem(last=False)[1][1]
 
 
 # Distances. `squared_distances` is 2 to 15 times faster than `scipy.spatial.distance.cdist` for many vectors.

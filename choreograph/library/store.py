@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import mmap
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 import h5py
@@ -17,6 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, RepertoireError
 from choreograph.core.files import check_regular
+from choreograph.core.numerics import RecentItems
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
 from choreograph.library.schema import (
@@ -170,41 +169,6 @@ def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
         return nets, provenance
 
 
-class RowCache:
-    """Keeps the blocks of rows that were used last, up to a number of bytes. Threads may share it."""
-
-    def __init__(self, n_bytes: int = _CACHE_BYTES) -> None:
-        self._most_bytes, self._n_bytes = n_bytes, 0
-        self._blocks: OrderedDict[tuple[str, int], NDArray[Any]] = OrderedDict()
-        self._version: object = None
-        self._lock = Lock()
-
-    def block(self, name: str, index: int, version: object) -> NDArray[Any] | None:
-        """A block of an array, or None if it is not kept. Blocks of another version are dropped."""
-        with self._lock:
-            self._expect(version)
-            if (name, index) in self._blocks:
-                self._blocks.move_to_end((name, index))
-            return self._blocks.get((name, index))
-
-    def keep(self, name: str, index: int, version: object, block: NDArray[Any]) -> None:
-        """Keep a block, which is read-only from now on, in place of those that were not used for longest."""
-        block.flags.writeable = False
-        with self._lock:
-            self._expect(version)
-            if (name, index) in self._blocks or block.nbytes > self._most_bytes:
-                return
-            self._blocks[name, index] = block
-            self._n_bytes += block.nbytes
-            while self._n_bytes > self._most_bytes:
-                self._n_bytes -= self._blocks.popitem(last=False)[1].nbytes
-
-    def _expect(self, version: object) -> None:
-        if version != self._version:
-            self._blocks.clear()
-            self._version, self._n_bytes = version, 0
-
-
 class RepertoireFile:
     """An open repertoire file. Arrays are read on demand. Between reads the file is closed.
 
@@ -236,7 +200,7 @@ class RepertoireFile:
             self.shapes = {array.name: array.shape for array in stored}
             self._sizes = axis_sizes(self.shapes)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
-            self._cache = RowCache()
+            self._blocks: RecentItems[NDArray[Any]] = RecentItems(_CACHE_BYTES)
 
     def _check_heaps(self) -> None:
         with (
@@ -296,14 +260,15 @@ class RepertoireFile:
         n_rows = self._block_rows[name]
         with file_named(self.path, "a repertoire"):
             status = self.path.stat()
-        version = status.st_mtime_ns, status.st_size, status.st_ino
         parts = []
         for index in range(start // n_rows, max(start, stop - 1) // n_rows + 1):
             first = index * n_rows
-            block = self._cache.block(name, index, version)
+            key = name, index, status.st_mtime_ns, status.st_size, status.st_ino
+            block = self._blocks.get(key)
             if block is None:
                 block = self.read(name, slice(first, first + n_rows))
-                self._cache.keep(name, index, version, block)
+                block.flags.writeable = False
+                self._blocks.keep(key, block, block.nbytes)
             parts.append(block[max(start - first, 0) : max(stop - first, 0)])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 

@@ -21,15 +21,16 @@ def forward(
     `root_pos_m` is (..., 3) and `local_quat` (..., J, 4), with any leading dimensions. If `joints` are given,
     increasing and after their parents, only these and the root are computed, and the others are 0.
     """
-    global_quat = np.zeros_like(local_quat, dtype=np.float64)  # (..., J, 4)
-    pos_m = np.zeros((*local_quat.shape[:-1], 3))  # (..., J, 3)
-    global_quat[..., 0, :] = local_quat[..., 0, :]
-    pos_m[..., 0, :] = root_pos_m
-    for joint in range(1, skeleton.n_joints) if joints is None else joints:
-        parent = skeleton.parents[joint]
-        global_quat[..., joint, :] = rot.multiply(global_quat[..., parent, :], local_quat[..., joint, :])
-        offset = rot.rotate(global_quat[..., parent, :], skeleton.offsets_m[joint])
-        pos_m[..., joint, :] = pos_m[..., parent, :] + offset
+    from choreograph.motion._kernels import forward_kinematics
+
+    shape, n_joints = local_quat.shape[:-2], skeleton.n_joints
+    local = np.ascontiguousarray(local_quat, np.float64).reshape(-1, n_joints, 4)  # (T, J, 4)
+    pos_m, global_quat = np.zeros((len(local), n_joints, 3)), np.zeros(local.shape)
+    pos_m[:, 0] = np.reshape(root_pos_m, (-1, 3))
+    global_quat[:, 0] = local[:, 0]
+    order = np.fromiter(range(1, n_joints) if joints is None else joints, np.int64)
+    forward_kinematics(skeleton.parents, skeleton.offsets_m, order, local, pos_m, global_quat)
+    pos_m, global_quat = pos_m.reshape(*shape, n_joints, 3), global_quat.reshape(*shape, n_joints, 4)
     return pos_m, global_quat
 
 

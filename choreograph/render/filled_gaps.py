@@ -131,8 +131,9 @@ def _fill(root: Floats, quat: Floats, gap: Frames, kept: Motion, filling: Motion
 
 def _run(motion: Motion, start: int, stop: int, *, locked: bool) -> SampledRun:
     return SampledRun(
-        motion, 0, start, stop, np.array(motion.root_pos_m), np.array(motion.local_quat), locked, TRANSITION_S
-    )
+        motion.skeleton, motion.fps, 0, start, stop, np.array(motion.root_pos_m),
+        np.array(motion.local_quat), locked, TRANSITION_S,
+    )  # fmt: skip
 
 
 def _led(run: SampledRun, after: SampledRun, gap: Frames) -> SampledRun:
@@ -162,8 +163,8 @@ def _wrapped(angle_rad: float) -> float:
 def _progress(run: SampledRun, gap: Frames) -> Floats:
     """The share of the correction at each frame (T,), 0 up to the gap and 1 from its end on."""
     first, stop = gap
-    fps, n_frames = run.motion.fps, len(run.root)
-    heading = np.unwrap(heading_rad(run.bodies_m))
+    fps, n_frames = run.fps, len(run.root)
+    heading = np.unwrap(heading_rad(run.bodies_m(0, n_frames)))
     step_m = np.linalg.norm(np.diff(run.root[:, [0, 2]], axis=0), axis=1)  # (T - 1,)
     speed = step_m + _RADIUS_M * np.abs(np.diff(heading))
     speed = gaussian_filter1d(speed[first:stop], _SMOOTH_S * fps, mode="nearest")

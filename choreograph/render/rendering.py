@@ -23,6 +23,7 @@ from choreograph.render.held_poses import hold_ends
 from choreograph.render.runs import (
     MotionReader,
     Run,
+    RunSampler,
     SampledRun,
     TransitionTiming,
     align_to,
@@ -49,6 +50,7 @@ def assemble(
     blending: str,
     keep_on_stage: bool = True,
     to_front: bool = True,
+    sample: RunSampler = sample_run,
     report: StepReport | None = None,
 ) -> tuple[Motion, Joins]:
     """The dance before foot locking, and its joins.
@@ -70,7 +72,7 @@ def assemble(
     feet_m: list[tuple[int, Floats]] = []
     previous: SampledRun | None = None
     for done, run in enumerate(runs, start=1):
-        sampled = sample_run(run, read_motion, fps, margin)
+        sampled = sample(run, read_motion, fps, margin)
         if previous is not None:
             sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage, to_front=to_front)
         if quat_out is None:
@@ -89,7 +91,7 @@ def assemble(
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     for block in frame_blocks(total):
         quat_out[block] = rot.normalize(quat_out[block])
-    motion = Motion(previous.motion.skeleton, root_out, rot.make_continuous(quat_out), fps)
+    motion = Motion(previous.skeleton, root_out, rot.make_continuous(quat_out), fps)
     joins = Joins(np.array([run.start_s for run in runs[1:]], np.float64), tuple(feet_m))
     return motion.sliced(0, min(n_frames, total)), joins
 
@@ -155,9 +157,14 @@ def render(
 
 
 def render_from(
-    read_motion: MotionReader, plan: Plan, *, existing: Motion | None = None, report: StepReport | None = None
+    read_motion: MotionReader,
+    plan: Plan,
+    *,
+    existing: Motion | None = None,
+    sample: RunSampler = sample_run,
+    report: StepReport | None = None,
 ) -> Motion:
-    """As `render`, for a plan that needs no checks, with a function that reads takes."""
+    """As `render`, for a plan that needs no checks, with functions that read takes and sample runs."""
     runs = plan_runs(plan)
     motion, joins = assemble(
         without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
@@ -167,6 +174,7 @@ def render_from(
         blending=plan.blending,
         keep_on_stage=plan.keep_on_stage,
         to_front=plan.front == "audience",
+        sample=sample,
         report=part(report, 0, 70, _STEPS),
     )
     motion = hold_ends(motion, plan.opening_s, plan.closing_s)

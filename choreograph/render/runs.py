@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.special import expit
 
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, Indices, RecentItems
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import BODY_JOINTS, body_pos_m, ground_pos_m, heading_rad
+from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
+from choreograph.motion.kinematics import ancestors, forward
 from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import Skeleton
 
 # Keeping a dance near the middle of the stage, by small extra rotations at transitions.
 
@@ -191,6 +193,7 @@ _PELVIS_WEIGHT = 0.3  # weight of the pelvis in the alignment. A foot on the flo
 _ANKLE_M, _BALL_M = 0.07, 0.015  # heights of a foot that stands flat
 # Height above these at which a foot is as likely in the air as on the floor, and the width of the change.
 _LOW_M, _LOW_WIDTH_M = 0.05, 0.012
+_KEPT_BYTES = 1 << 26  # of sampled runs: the words of a dance of 5 minutes at 60 fps
 _FEET = [
     (BODY_JOINTS.index(f"{side}_ankle"), BODY_JOINTS.index(f"{side}_foot")) for side in ("left", "right")
 ]
@@ -203,7 +206,8 @@ MotionReader = Callable[[str, float, float], tuple[Motion, float]]
 class SampledRun:
     """A run at the dance's frame rate, with a margin of frames before and after it."""
 
-    motion: Motion  # any part of the take: for skeleton and joint roles
+    skeleton: Skeleton
+    fps: float  # of the dance
     first_frame: int  # dance frame of row 0, negative in the margin before the dance
     start: int  # dance frame at which the run starts
     stop: int  # dance frame after its last one
@@ -216,14 +220,16 @@ class SampledRun:
         """The rows of dance frames `first` to `stop`."""
         return slice(first - self.first_frame, stop - self.first_frame)
 
-    @cached_property
-    def bodies_m(self) -> Floats:
-        """The body in every row, (T, 21, 3)."""
-        return body_pos_m(Motion(self.motion.skeleton, self.root, self.quat, self.motion.fps))
+    def bodies_m(self, first: int, stop: int, joints: tuple[str, ...] = BODY_JOINTS) -> Floats:
+        """The body, or some of its joints, at dance frames `first` to `stop`, (T, 21, 3)."""
+        indices, needed = _body_and_ancestors(self.skeleton, joints)
+        rows = self.rows(first, stop)
+        pos_m: Floats = forward(self.skeleton, self.root[rows], self.quat[rows], needed)[0][:, indices]
+        return pos_m
 
     def body_at(self, frame: int) -> Floats:
         """The body (21, 3) at a frame of the dance."""
-        body_m: Floats = self.bodies_m[frame - self.first_frame]
+        body_m: Floats = self.bodies_m(frame, frame + 1)[0]
         return body_m
 
     def moved(self, yaw_rad: float, shift_m: Floats) -> SampledRun:
@@ -234,6 +240,14 @@ class SampledRun:
         return replace(self, root=rot.rotate(turn, self.root) + shift_m, quat=quat)
 
 
+@lru_cache(maxsize=16)
+def _body_and_ancestors(skeleton: Skeleton, joints: tuple[str, ...]) -> tuple[list[int], Indices]:
+    """Indices of joints of the body, and those of all joints but the root on which their places depend."""
+    indices = body_indices(skeleton, joints)
+    needed = {above for joint in indices for above in ancestors(skeleton, joint)} - {0}
+    return indices, np.array(sorted(needed), np.int64)
+
+
 def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
     """Sample a run at its warped times. Beyond its ends the take continues at the speed of the end."""
     start, stop = seconds_to_frames(run.start_s, fps), seconds_to_frames(run.stop_s, fps)
@@ -241,16 +255,40 @@ def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> 
     motion, first_s = read_motion(run.take, float(source_s.min()), float(source_s.max()))
     sampled = motion.sampled_smooth((source_s - first_s) * motion.fps)
     return SampledRun(
-        motion, start - margin, start, stop, sampled.root_pos_m, sampled.local_quat, run.locked,
-        run.transition_s,
+        motion.skeleton, fps, start - margin, start, stop, sampled.root_pos_m, sampled.local_quat,
+        run.locked, run.transition_s,
     )  # fmt: skip
+
+
+RunSampler = Callable[[Run, MotionReader, float, int], SampledRun]  # as `sample_run`
+
+
+class RecentRuns:
+    """Keeps the runs that were sampled last, up to 64 MB, for dances that have most runs in common."""
+
+    def __init__(self) -> None:
+        self._kept: RecentItems[SampledRun] = RecentItems(_KEPT_BYTES)
+
+    def sample(self, run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
+        """As `sample_run`, always with the same `read_motion`."""
+        key = run.take, run.start_s, run.stop_s, run.source_times_s.tobytes(), fps, margin
+        sampled = self._kept.get(key)
+        if sampled is None:
+            sampled = sample_run(run, read_motion, fps, margin)
+            self._kept.keep(key, sampled, sampled.root.nbytes + sampled.quat.nbytes)
+        return replace(sampled, locked=run.locked, transition_s=run.transition_s)
 
 
 def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple[float, Floats]:
     """Rotation about Y and shift (3,) that move `sampled` to place and heading of `previous` at a frame."""
     before, after = previous.body_at(frame), sampled.body_at(frame)
-    yaw_rad = float(heading_rad(before) - heading_rad(after))
+    yaw_rad = _turn_rad(before, after)
     return yaw_rad, _shift_m(before, after, yaw_rad)
+
+
+def _turn_rad(before: Floats, after: Floats) -> float:
+    """The rotation about Y that gives a body (21, 3) the heading of another one."""
+    return float(heading_rad(before) - heading_rad(after))
 
 
 def align_to(
@@ -266,10 +304,10 @@ def align_to(
     It is steered back to the heading of its take, which faces the audience with its front (`to_front`), and
     towards the middle of the stage (`keep_on_stage`).
     """
-    yaw_rad, shift_m = alignment_at(previous, sampled, sampled.start)
-    if not keep_on_stage and not to_front:
-        return sampled.moved(yaw_rad, shift_m)
     before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
+    yaw_rad = _turn_rad(before, after)
+    if not keep_on_stage and not to_front:
+        return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
     end = sampled.body_at(sampled.stop - 1)
     place_m = ground_pos_m(before) if keep_on_stage else np.zeros(3)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))

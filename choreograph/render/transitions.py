@@ -235,7 +235,7 @@ def feet_at_join(a: SampledRun, b: SampledRun, fps: float) -> list[tuple[int, Fl
     """The feet of both runs around the start of `b`, in the form of `Joins.feet_m`."""
     reach = seconds_to_frames(_BLENDED_S, fps)
     spans = (a, max(a.start, b.start - reach), b.start), (b, b.start, min(b.stop, b.start + reach))
-    return [(first, run.bodies_m[run.rows(first, stop)][:, _FEET]) for run, first, stop in spans]
+    return [(first, run.bodies_m(first, stop, CONTACT_JOINTS)) for run, first, stop in spans]
 
 
 # The time at which each run replaces the one before it, and the length of the transition.

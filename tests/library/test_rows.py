@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,7 +16,7 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes
 from choreograph.core.errors import RepertoireError
 from choreograph.library.builtin import STARTER_PATH
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.store import RepertoireFile, RowCache
+from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import write_repertoire
 
 MOTION = ("motion/root_pos_m", "motion/local_quat", "body/pos_m")
@@ -72,19 +73,6 @@ def test_each_block_is_read_once(monkeypatch):
     assert len(reads) <= 24, len(reads)
 
 
-def test_kept_blocks_are_bounded_in_bytes_and_the_oldest_leave_first():
-    cache = RowCache(n_bytes=4000)
-    for index in range(6):
-        cache.keep("array", index, 1, np.full(125, index, np.float64))  # 1000 bytes
-        assert cache.block("array", 0, 1) is not None  # used each time, so it stays
-    kept = [index for index in range(6) if cache.block("array", index, 1) is not None]
-    assert kept == [0, 3, 4, 5]
-    cache.keep("array", 9, 1, np.zeros(1000))
-    assert cache.block("array", 9, 1) is None
-    cache.keep("array", 7, 2, np.zeros(10))
-    assert [cache.block("array", index, 2) is None for index in (0, 3, 7)] == [True, True, False]
-
-
 def test_what_is_read_cannot_change_what_is_kept(plain):
     file = RepertoireFile(plain)
     rows = file.read_rows("body/pos_m", 3, 9)
@@ -95,6 +83,13 @@ def test_what_is_read_cannot_change_what_is_kept(plain):
     motion.root_pos_m[:] = 7.0
     motion.local_quat[:] = 7.0
     assert abs(repertoire.motion(0, 1.0, 2.0)[0].local_quat).max() <= 1.0
+
+
+def test_a_repertoire_can_be_sent_to_another_process(plain):
+    repertoire = Repertoire.open(plain)
+    motion, _ = repertoire.motion(0, 1.0, 2.0)
+    again, _ = pickle.loads(pickle.dumps(repertoire)).motion(0, 1.0, 2.0)
+    np.testing.assert_array_equal(again.local_quat, motion.local_quat)
 
 
 def test_threads_read_the_same_rows(plain):

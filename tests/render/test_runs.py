@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from synthetic_motions import swaying
 
+from choreograph.motion.body import BODY_JOINTS
+from choreograph.motion.contacts import CONTACT_JOINTS
 from choreograph.render.runs import (
+    RecentRuns,
     Run,
     TransitionTiming,
     overlay_runs,
+    sample_run,
     to_runs,
     with_transitions,
     words_to_runs,
@@ -80,3 +85,45 @@ def test_moving_a_transition_changes_nothing_else():
             runs, [TransitionTiming(0.0), TransitionTiming(stays_s), TransitionTiming(5.0)]
         )
         assert [(run.start_s, run.stop_s) for run in stayed] == [(run.start_s, run.stop_s) for run in runs]
+
+
+# Runs at the frame rate of the dance.
+
+
+def test_recent_runs_are_those_of_sample_run_and_read_their_take_once():
+    motion, reads = swaying(600, fps=60.0, seed=3), []
+
+    def read_motion(take, start_s, stop_s):
+        reads.append(take)
+        return motion, 0.0
+
+    recent = RecentRuns()
+    runs = [
+        Run("a", 0.0, 2.0, np.linspace(1.0, 3.0, 41)),
+        Run("a", 0.0, 2.0, np.linspace(1.0, 3.1, 41)),  # at another speed
+        Run("a", 0.5, 2.5, np.linspace(1.0, 3.0, 41)),  # later
+        Run("b", 0.0, 2.0, np.linspace(1.0, 3.0, 41), locked=True, transition_s=0.3),
+    ]
+    for _ in range(3):
+        for run in runs:
+            made, expected = recent.sample(run, read_motion, 60.0, 9), sample_run(run, read_motion, 60.0, 9)
+            np.testing.assert_array_equal(made.root, expected.root)
+            np.testing.assert_array_equal(made.quat, expected.quat)
+            assert (made.first_frame, made.start, made.stop) == (expected.first_frame, made.start, made.stop)
+            assert (made.locked, made.transition_s) == (run.locked, run.transition_s)
+    assert len(reads) == len(runs) + 3 * len(runs)  # ours once, the others each time
+    again = recent.sample(Run("a", 0.0, 2.0, np.linspace(1.0, 3.0, 41), True, 0.5), read_motion, 60.0, 9)
+    assert len(reads) == 4 * len(runs) and (again.locked, again.transition_s) == (True, 0.5)
+    recent.sample(runs[0], read_motion, 30.0, 9)
+    recent.sample(runs[0], read_motion, 60.0, 8)
+    assert len(reads) == 4 * len(runs) + 2
+
+
+def test_some_joints_of_some_frames_are_those_of_the_whole_body():
+    run = Run("a", 0.0, 4.0, np.linspace(1.0, 5.0, 81))
+    sampled = sample_run(run, lambda *_: (swaying(600, fps=60.0, seed=4), 0.0), 60.0, 5)
+    whole = sampled.bodies_m(-5, 245)
+    assert whole.shape == (250, len(BODY_JOINTS), 3)
+    feet = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]
+    np.testing.assert_array_equal(sampled.bodies_m(30, 70, CONTACT_JOINTS), whole[35:75, feet])
+    np.testing.assert_array_equal(sampled.body_at(-2), whole[3])

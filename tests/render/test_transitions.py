@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.render.runs import SampledRun
 from choreograph.render.transitions import (
@@ -98,7 +97,7 @@ HINGE = np.array([1.0, 0.0, 0.0])
 def sampled(root, quat, start: int, stop: int, *, locked: bool = False) -> SampledRun:
     """A run with a row for every frame of the dance."""
     skeleton = Skeleton(("hips", "knee"), np.array([-1, 0]), np.array([[0.0, 1, 0], [0, -0.5, 0]]))
-    return SampledRun(Motion(skeleton, root, quat, FPS), 0, start, stop, root, quat, locked, 0.4)
+    return SampledRun(skeleton, FPS, 0, start, stop, root, quat, locked, 0.4)
 
 
 def joined(a, b, *, locked=(False, False)) -> tuple[np.ndarray, np.ndarray]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import partial
 
 import numpy as np
 
@@ -30,12 +30,12 @@ from choreograph.choreography.motif_sequences import draw_motifs_of_parts
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Indices
-from choreograph.core.progress import StepReport, part, substage
+from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import render_from, take_motions
-from choreograph.render.runs import MotionReader
+from choreograph.render.runs import RecentRuns
 from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
@@ -133,14 +133,14 @@ def mix(request: DanceRequest) -> MixedDance:
         candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
     report = substage(request.report, "mixing")
-    read_motion = lru_cache(maxsize=1024)(take_motions(request.repertoire))  # most words stay the same
+    render = partial(render_from, take_motions(request.repertoire), sample=RecentRuns().sample)
     best: MixedDance | None = None
     rounds = 0
     while True:
         words = search_words(candidates, search=config.planner)
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
-        mixed = _rendered(words, locked, pool, request, read_motion, of_round)
+        mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
         if best is None or mixed.n_violations < best.n_violations:
             best = mixed
         rounds += 1
@@ -157,12 +157,11 @@ def _rendered(
     locked: Collection[int],
     pool: CandidatePool,
     request: DanceRequest,
-    read_motion: MotionReader,
-    report: StepReport | None,
+    render: Callable[[Plan], Motion],
 ) -> MixedDance:
     constraints = request.constraints
     plan = _to_plan(words, locked, pool, request)
-    motion = render_from(read_motion, plan, report=report)
+    motion = render(plan)
     chosen = pool.vocabulary.word_motif[words]
     held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
     # A pose that is held has no motif of its own.
