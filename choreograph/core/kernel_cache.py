@@ -279,8 +279,13 @@ class _Lock:
             self._lock.release()
 
 
-@lru_cache(maxsize=1)
 def _lock() -> _Lock:
+    return _lock_of(os.getpid())
+
+
+@lru_cache(maxsize=1)
+def _lock_of(process: int) -> _Lock:
+    """A lock of its own for each process, since a fork cannot use that of its parent."""
     folder = _folder()
     assert folder is not None
     return _Lock(folder)

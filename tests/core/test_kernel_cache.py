@@ -96,6 +96,20 @@ def test_processes_started_together_compile_each_kernel_once(start, tmp_path):
     assert len(_entries(tmp_path / "cache")) == 7
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked on POSIX")
+def test_a_fork_compiles_what_its_parent_has_not(start):
+    code = (
+        "import os, kernels\n"
+        "import numpy as np\n"
+        "kernels.doubled(1.0)\n"
+        "child = os.fork()\n"
+        "if not child:\n"
+        "    os._exit(int(kernels.doubled(np.arange(3.0)).sum() != 6.0))\n"
+        "assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0\n"
+    )
+    assert _finished(start(code)) == ("", "")
+
+
 def test_any_damage_is_noticed_and_mended(start, tmp_path):
     _finished(start())
     rng = random.Random(3)
