@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from choreograph.core.errors import FormatError
+from choreograph.core.files import without_garbage_collection
 from choreograph.formats.gltf_document import (
     BINARY_CHUNK,
     GLB_MAGIC,
@@ -102,7 +103,8 @@ def _parsed(path: Path, text: bytes) -> dict[str, Any]:
     if text.count(b"{") + text.count(b"[") > _MAX_OBJECTS:
         raise FormatError(f"{path}: expected at most {_MAX_OBJECTS} objects and lists in the JSON, got more")
     try:
-        data: dict[str, Any] = json.loads(text.decode("utf-8-sig"), parse_constant=_refused)
+        with without_garbage_collection():
+            data: dict[str, Any] = json.loads(text.decode("utf-8-sig"), parse_constant=_refused)
     except (ValueError, RecursionError) as error:
         raise FormatError(
             f"{path}: expected a glTF file, got no valid JSON: damaged or another file"

@@ -1,5 +1,6 @@
 """Atomic writing: all or nothing, and what killed writers left goes away."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -7,7 +8,14 @@ import sys
 import pytest
 
 from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.core.files import atomic_path, check_apart, check_target, is_running
+from choreograph.core.files import (
+    atomic_path,
+    check_apart,
+    check_target,
+    is_running,
+    read_json,
+    without_garbage_collection,
+)
 
 _KILLED_WHILE_WRITING = """
 import os, signal, sys
@@ -105,3 +113,24 @@ def test_in_a_folder_of_takes_results_may_be_replaced(tmp_path):
         check_apart([tmp_path / name], [tmp_path])
         with pytest.raises(ParameterError, match="input"):
             check_apart([tmp_path / name], [tmp_path / name])
+
+
+@pytest.mark.parametrize("collects", [True, False])
+def test_json_is_read_without_passes_of_the_garbage_collector(tmp_path, collects):
+    """Which is on or off afterwards as it was before, also if the file is damaged."""
+    (tmp_path / "lists.json").write_text("[" + "[]," * 100_000 + "[]]")
+    (tmp_path / "damaged.json").write_text("[" * 10)
+    passes = []
+    gc.callbacks.append(lambda phase, info: passes.append(phase))
+    try:
+        gc.enable() if collects else gc.disable()
+        assert len(read_json(tmp_path / "lists.json", "lists")) == 100_001
+        assert len(passes) <= 2 and gc.isenabled() == collects  # one afterwards, instead of 140
+        with pytest.raises(ChoreographError, match="no valid JSON"):
+            read_json(tmp_path / "damaged.json", "lists")
+        with without_garbage_collection(), without_garbage_collection():
+            assert not gc.isenabled()
+        assert gc.isenabled() == collects
+    finally:
+        gc.enable()
+        gc.callbacks.pop()
