@@ -19,9 +19,13 @@ setup: .venv/.ready
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test]'
 	touch .venv/.ready
 
+.venv/.docs-ready: .venv/.ready
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	touch .venv/.docs-ready
+
 test: setup
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
-	$(BIN)/pytest -m alone
+	$(BIN)/pytest -m alone tests/view
 
 test-fast: setup
 	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not alone"
@@ -52,8 +56,7 @@ format: setup
 	$(BIN)/ruff format .
 
 # The site, in build/docs: open build/docs/index.html.
-docs: setup
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[docs]'
+docs: .venv/.docs-ready
 	$(BIN)/sphinx-build -W --keep-going docs build/docs
 
 dance: setup

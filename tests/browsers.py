@@ -27,7 +27,7 @@ def note_complaints(page, complaints: list[str]) -> None:
             else complaints.append(request.url))  # fmt: skip
 
 
-def until(page, condition: str, *, timeout_s: float = 8.0) -> None:
+def until(page, condition: str, *, timeout_s: float = 20.0) -> None:
     """Wait for a condition on the page; its security policy forbids Playwright's `wait_for_function`."""
     end_s = time.monotonic() + timeout_s
     while not page.evaluate(condition):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,8 +24,28 @@ settings.register_profile("choreograph", deadline=None)
 settings.load_profile("choreograph")
 
 
+ALONE_FOLDER = "view"  # all tests marked `alone` are here: `make test` collects no others for them
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Without the garbage collector, whose passes would take a third of the time.
+
+    What the tests have imported stays until the end: later passes leave it out.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with the most slow tests come first, so that no worker is left with a long file at the end."""
+    elsewhere = [i for i in items if i.get_closest_marker("alone") and i.path.parent.name != ALONE_FOLDER]
+    if elsewhere:
+        raise pytest.UsageError(f"expected tests marked alone in tests/{ALONE_FOLDER}, got {elsewhere}")
     n_slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -n_slow[item.path])
 

@@ -6,15 +6,12 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from browsers import state, until
 from synthetic_pages import DANCE, plan_for
 
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.view.page import write_page
-
-pytestmark = pytest.mark.alone
 
 
 def test_keys_and_buttons(opened):

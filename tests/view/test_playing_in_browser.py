@@ -10,8 +10,6 @@ from synthetic_pages import FPS, plan_for, write_seconds
 
 from choreograph.view.page import write_page
 
-pytestmark = pytest.mark.alone
-
 
 def test_a_click_seeks_to_the_frame(opened):
     page = opened()
@@ -43,6 +41,7 @@ def test_dragging_seeks_and_playing_continues_from_there(opened):
     assert state(page, "time") < 6.5
 
 
+@pytest.mark.alone
 def test_sound_is_the_clock(opened):
     page = opened()
     page.keyboard.press("Space")
@@ -61,6 +60,7 @@ def test_sound_is_the_clock(opened):
     assert state(page, "time") == pytest.approx(paused_s, abs=1e-3)
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("name", ["song.html", "silent.html"])
 def test_half_speed(opened, name):
     page = opened(name)
@@ -75,6 +75,7 @@ def test_half_speed(opened, name):
     assert (second[0] - first[0]) / (second[1] - first[1]) == pytest.approx(0.5, abs=0.08)
 
 
+@pytest.mark.alone
 @pytest.mark.parametrize("name", ["song.html", "silent.html"])
 def test_a_range_loops(opened, name):
     page = opened(name)
@@ -129,6 +130,7 @@ def test_song_that_cannot_be_played_gives_a_notice_and_the_dance_continues(opene
     until(page, "choreograph.time > 0.5")
 
 
+@pytest.mark.alone
 @pytest.mark.slow
 def test_drawing_four_minutes_does_not_delay_the_sound(opened, tmp_path, record_property):
     """Also without a graphics card; the frame rate is recorded, with a low bound."""

@@ -12,8 +12,6 @@ from synthetic_pages import DANCE, FPS, plan_for
 
 from choreograph.view.page import write_page
 
-pytestmark = pytest.mark.alone
-
 
 @pytest.fixture(scope="module")
 def processor_browser(chromium):
