@@ -32,13 +32,7 @@ def main() -> None:
     things_of_the_user(armature, job["song"])
     settings = scene.choreograph
     settings.armature, settings.duration_s, settings.start_s = armature, 6.0, 1.5
-    seen = {"before": state(scene, armature)}
-    settings.song = job["wrong_song"]
-    try:
-        bpy.ops.choreograph.dance()
-    except RuntimeError as error:
-        seen["error"] = str(error)
-    seen["after_error"] = state(scene, armature)
+    seen = after_an_error(scene, armature, job["wrong_song"]) if job["is_whole"] else {}
     settings.song = job["song"]
     bpy.ops.choreograph.dance()
     seen["danced"] = state(scene, armature) | {"joints_m": joints_m(scene, armature)}
@@ -51,10 +45,22 @@ def main() -> None:
     bpy.ops.choreograph.unpin(index=0)
     bpy.ops.choreograph.again()
     seen["again"] = state(scene, armature) | {"joints_m": joints_m(scene, armature, PLACED.inverted())}
-    seen["interface"] = in_the_interface(scene)
+    if job["is_whole"]:
+        seen["interface"] = in_the_interface(scene)
     bpy.ops.preferences.addon_disable(module="bl_ext.user_default.choreograph")
     seen["left_registered"] = hasattr(bpy.types.Scene, "choreograph")
     Path(job["seen"]).write_text(json.dumps(seen))
+
+
+def after_an_error(scene: bpy.types.Scene, armature: bpy.types.Object, wrong_song: str) -> dict:
+    """What is said of a song that cannot be read, and what there was before and after."""
+    seen = {"before": state(scene, armature)}
+    scene.choreograph.song = wrong_song
+    try:
+        bpy.ops.choreograph.dance()
+    except RuntimeError as error:
+        seen["error"] = str(error)
+    return seen | {"after_error": state(scene, armature)}
 
 
 def imported(path: str) -> bpy.types.Object:

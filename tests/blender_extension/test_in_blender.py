@@ -26,7 +26,9 @@ ROOT = Path(__file__).resolve().parents[2]
 SONG = cg.example_songs()["house"]
 FPS, N_FRAMES, FIRST_FRAME, START_S = 30.0, 180, 11, 1.5
 RIGS = ("mixamo", "unreal", "metarig")
+WHOLE = "mixamo"  # with which what no rig changes is tried as well: errors, pins, the interface
 
+with_one_rig = pytest.mark.parametrize("seen", [WHOLE], indirect=True)
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(find_blender() is None, reason="no Blender on this machine"),
@@ -96,8 +98,8 @@ def seen(request, package, program, tmp_path_factory):
         "package": package, "program": program, "character": character, "song": SONG, "wrong_song": wrong,
         "seen": folder / "seen.json",
     }  # fmt: skip
-    is_metarig = {"is_metarig": request.param == "metarig"}
-    job.write_text(json.dumps({key: str(path) for key, path in written.items()} | is_metarig))
+    kinds = {"is_metarig": request.param == "metarig", "is_whole": request.param == WHOLE}
+    job.write_text(json.dumps({key: str(path) for key, path in written.items()} | kinds))
     in_blender(Path(__file__).with_name("in_blender.py"), job, user=folder / "user")
     return json.loads((folder / "seen.json").read_text()), character
 
@@ -161,6 +163,7 @@ def test_again_leaves_one_of_each_and_the_users_own(seen):
     ]
 
 
+@with_one_rig
 def test_a_song_that_cannot_be_read_is_said_and_nothing_changes(seen):
     states, _ = seen
     assert "wrong.wav" in states["error"] and len(states["error"].strip().splitlines()) == 1
@@ -203,11 +206,13 @@ def test_a_rig_that_rigify_generated_is_refused_and_nothing_changes(package, pro
         assert "Rigify generated" in said and len(said.strip().splitlines()) == 1
 
 
+@with_one_rig
 def test_a_pin_takes_the_previews_range(seen):
     states, _ = seen
     assert states["pin"].startswith("1.000-4.000=take:house-")
 
 
+@with_one_rig
 def test_in_the_interface_work_goes_on_and_escape_stops(seen):
     shown = seen[0]["interface"]
     assert shown["answers"] == [
@@ -221,6 +226,7 @@ def test_in_the_interface_work_goes_on_and_escape_stops(seen):
     assert shown["frame_end"] == FIRST_FRAME + 2 * FPS - 1
 
 
+@with_one_rig
 def test_panels_draw_what_there_is(seen):
     shown = seen[0]["interface"]
     assert shown["unknown"] == [] and {"song", "armature", "genre", "pin", "repertoire"} <= set(

@@ -134,7 +134,7 @@ def test_a_variant_that_cannot_be_danced_is_known_before_anything_is(
 def test_a_killed_command_goes_on(db, folder, tmp_path):
     """By Ctrl-C, then by kill -9, until it is through; the same as without."""
     output = tmp_path / "e.json"
-    arguments = ["evaluate", "--db", str(db.path), "--songs", str(folder), "--seeds", "4", "-q",
+    arguments = ["evaluate", "--db", str(db.path), "--songs", str(folder), "--seeds", "2", "-q",
                  "--variants", "random", "--json", str(output)]  # fmt: skip
     folder_of = tmp_path / "e.json.dances"
     for number, more, made, kept in ((signal.SIGINT, [], 1, 1), (signal.SIGKILL, ["--resume"], 2, 3)):

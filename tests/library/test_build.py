@@ -20,7 +20,6 @@ from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, segment_takes
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.notes import Note
-from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
@@ -100,14 +99,22 @@ def silent_takes(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def of_silent_takes(silent_takes, short_trainings, tmp_path_factory):
+    """What is built of them by default."""
+    return build_repertoire(
+        [silent_takes], tmp_path_factory.mktemp("built") / "a.h5", BuildOptions(preset="tiny")
+    )
+
+
 def farthest_from_s(vocabulary, words, times_s) -> float:
     """How far the border of a word is, at most, from the nearest of some times."""
     borders_s = np.concatenate([vocabulary.word_start_s[words], vocabulary.word_end_s[words]])
     return float(np.abs(borders_s[:, None] - times_s).min(axis=1).max())
 
 
-def test_takes_without_music_have_words_on_their_counts(silent_takes, tmp_path):
-    built, notes = build_repertoire([silent_takes], tmp_path / "a.h5", BuildOptions(preset="tiny"))
+def test_takes_without_music_have_words_on_their_counts(silent_takes, of_silent_takes, tmp_path):
+    built, notes = of_silent_takes
     assert built.net_names == ("words",)
     vocabulary = built.vocabulary
     take = built.take_index("longer")
@@ -206,16 +213,15 @@ def test_takes_without_music_have_the_style_of_the_shipped_networks(silent_takes
     assert any("used unchanged" in note for note in notes)
 
 
-@pytest.mark.parametrize(("augment_mirror", "share"), [(True, 0.5), (False, 0.0)])
-def test_mirror_augmentation_can_be_turned_off(silent_takes, tmp_path, augment_mirror, share):
-    options = BuildOptions(preset="tiny", augment_mirror=augment_mirror)
-    built, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
-    assert built.net("words").config["mirrored_share"] == share
+def test_mirror_augmentation_can_be_turned_off(silent_takes, of_silent_takes, tmp_path):
+    options = BuildOptions(preset="tiny", augment_mirror=False)
+    without, _ = build_repertoire([silent_takes], tmp_path / "a.h5", options)
+    built, _ = of_silent_takes
+    assert [each.net("words").config["mirrored_share"] for each in (built, without)] == [0.5, 0.0]
 
 
-def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, tmp_path):
-    build_repertoire([silent_takes], tmp_path / "old.h5", BuildOptions(preset="tiny"))
-    old = Repertoire.open(tmp_path / "old.h5")
+def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, of_silent_takes, tmp_path):
+    old = of_silent_takes.repertoire
     with_old = BuildOptions(
         preset="tiny", init_from=old.path, keep_networks=True, leave_out=("long", "longer")
     )

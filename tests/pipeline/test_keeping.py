@@ -171,19 +171,8 @@ def test_a_pin_in_the_gap_is_danced_or_said(old):
 def test_from_the_command_line(old, tmp_path):
     for name in ("old.npz", "old.bvh", "old.json"):
         old.save(tmp_path / name)
-    asked = (
-        "dance",
-        SONG,
-        "--duration",
-        SPAN_S,
-        "--engine",
-        "mixer",
-        "--keep",
-        "0-6",
-        "--keep",
-        "13-20",
-        "-q",
-    )
+    keep = ("--keep", "0-6", "--keep", "13-20")
+    asked = ("dance", SONG, "--duration", SPAN_S, "--set", "candidates=16", *keep, "-q")
     for name in ("old.npz", "old.bvh", "old.json"):
         made = run(
             *asked, "--existing", tmp_path / name, "-o", tmp_path / "new.npz", "-o", tmp_path / "new.json"
