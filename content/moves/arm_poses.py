@@ -6,6 +6,7 @@ A direction is (out, up, fwd): away from the body's midline, up, forward, in the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,7 @@ class Arm:
     wrist: float = 0.0  # towards the palm, degrees
     palm: float = 0.0  # turned in (thumb towards the body, palm back or down), degrees
 
+    @cached_property
     def coordinates(self) -> tuple[float, ...]:
         """(6,): rotation vector of the left shoulder relative to `_MIDDLE`, elbow, wrist and palm in radians.
 

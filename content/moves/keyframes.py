@@ -116,7 +116,7 @@ def build_keyframes(placed: Sequence[PlacedMove], rng: np.random.Generator | Non
     loads = [_weight_shift(begin, {None: 0.5, "left": 0.0, "right": 1.0}[free], plants, first.yaw_rad)]
     channels: dict[str, list[Keyframe]] = {name: [Keyframe(begin, (0.0,))] for name in CHANNELS}
     for name in ARM_CHANNELS:
-        channels[name] = [Keyframe(begin, ARMS["relaxed"].coordinates())]
+        channels[name] = [Keyframe(begin, ARMS["relaxed"].coordinates)]
     bob = [Keyframe(begin, (0.0,))]
     for p in placed:
         for s in sorted(p.move.steps, key=lambda s: s.count):
@@ -219,15 +219,15 @@ def _add_poses(p: PlacedMove, channels: dict[str, list[Keyframe]], rng: np.rando
             channels[name].append(Keyframe(at, (scale * value,), pose.flow, hold))
             written.add(name)
         for side, arm in pose.arms.items():
-            relaxed = np.array(ARMS["relaxed"].coordinates())
+            relaxed = np.array(ARMS["relaxed"].coordinates)
             reach = min(0.55 + 0.45 * p.size, 1.1)
-            value = relaxed + reach * (np.array(arm.coordinates()) - relaxed)
+            value = relaxed + reach * (np.array(arm.coordinates) - relaxed)
             value = value + loose(6)
             channels[f"{side}_arm"].append(Keyframe(at, tuple(value), pose.flow, hold))
             written.add(f"{side}_arm")
     for name, keys in channels.items():
         if name not in written:
-            neutral = ARMS["relaxed"].coordinates() if name in ARM_CHANNELS else (0.0,)
+            neutral = ARMS["relaxed"].coordinates if name in ARM_CHANNELS else (0.0,)
             keys += [Keyframe(p.start + c - 1.0, neutral) for c in (min(2, p.move.counts), p.move.counts)]
 
 
