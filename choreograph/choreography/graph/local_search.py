@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, joined_layers
+from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, changed_layer, joined_layers
 from choreograph.choreography.graph.motif_costs import WeightedCost, edge_costs, weighted_terms
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
@@ -38,6 +38,7 @@ class CheapNodes:
     edge_cost: tuple[NDArray[np.float32], ...]  # S - 1 arrays (P, N), of costs that do not depend on the path
     of_path: tuple[WeightedCost, ...]  # costs that depend on the path
     song_features: SongFeatures
+    _one: dict[tuple[int, int], Layer] = field(default_factory=dict)  # layers of one node, by second and node
 
     @classmethod
     def of(
@@ -68,16 +69,23 @@ class CheapNodes:
 
     def cost(self, path: AnyInts) -> float:
         """The cost of a path (S,)."""
-        last = self.layers[0].subset(path[:1])
+        last = self._node(0, path)
         total = float(self.node_cost[0][path[0]] + _first_cost(last, self.of_path, self.song_features)[0])
         last = with_history(last, last)
         for second in range(1, len(path)):
-            node = self.layers[second].subset(path[second : second + 1])
+            node = self._node(second, path)
             total += float(self.node_cost[second][path[second]])
             total += float(self.edge_cost[second - 1][path[second - 1], path[second]])
             total += float(edge_costs(last, node, self.of_path, self.song_features)[0, 0])
             last = with_history(node, last)
         return total
+
+    def _node(self, second: int, path: AnyInts) -> Layer:
+        """The layer with the node of a path in a second. Most paths have most of their nodes in common."""
+        key = second, int(path[second])
+        if key not in self._one:
+            self._one[key] = self.layers[second].subset(path[second : second + 1])
+        return self._one[key]
 
     def _descent(self, path: NDArray[np.int64]) -> tuple[NDArray[np.int64], float]:
         """The best path, and its cost, after passes that start with `path` until one gains nothing."""
@@ -96,9 +104,7 @@ class CheapNodes:
         With `rng`, costs are changed at random. Where a beginning has another node in second t than `path`,
         the difference in cost is that with the rest of `path` after t.
         """
-        rest = _Rest.of(
-            [layer.subset(np.array([node])) for layer, node in zip(self.layers, path, strict=True)]
-        )
+        rest = _Rest.of([self._node(second, path) for second in range(len(path))])
         seen = rest.added_to(self.layers[0], 0)
         reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
         before = with_history(self.layers[0], self.layers[0])
@@ -106,8 +112,8 @@ class CheapNodes:
         for second in range(1, len(path)):
             layer = self.layers[second]
             seen = rest.added_to(before, second, new_goal=layer.new_goal)
-            layer_in_goal = replace(layer, new_goal=False)
-            own = layer_in_goal.subset(path[second : second + 1])
+            layer_in_goal = changed_layer(layer, new_goal=False)
+            own = changed_layer(self._node(second, path), new_goal=False)
             reached = reached - edge_costs(seen, own, self.of_path, self.song_features)[:, 0]
             total = _changed(self.edge_cost[second - 1], rng) + reached[:, None]
             total = total + edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
@@ -183,7 +189,7 @@ class _Rest:
     def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
         """The layer before `second`, as if the rest of the path after that second had been danced as well."""
         counts = np.zeros_like(layer.motif_counts) if new_goal else layer.motif_counts
-        return replace(
+        return changed_layer(
             layer,
             motif_counts=counts + self.motif_counts[second],
             take_usage_s=layer.take_usage_s + self.take_usage_s[second],
