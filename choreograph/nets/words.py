@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import interpolate_frames
+from choreograph.core.numerics import Floats, Indices, frame_weights, interpolate_frames
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.motion.body import BODY_JOINTS, mirrored
 from choreograph.nets.configs import WORD_DIM, WordConfig
@@ -128,6 +128,7 @@ _BEAT_STD_S = 0.05  # error of the beats that bound a copy
 _MAX_WARP = 0.15  # displacement of a copy's middle by the time warp, as a share of its length
 _JOINT_STD_M = 0.015  # offset of each joint, the same for the whole copy
 _MAX_SCALE = 0.05  # change of the dancer's size
+_BLOCK_WORDS = 64  # of a take, copied at a time to bound memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,40 +165,94 @@ def augmented_words(
     mirrored too.
     """
     ends = np.cumsum([len(take.start_s) for take in takes])
-    words, copies = [], []
-    for index in rng.integers(ends[-1], size=size):
-        number = int(np.searchsorted(ends, index, side="right"))
-        take = takes[number]
-        word = int(index - ends[number])  # negative: counted from the take's end
-        start_s, end_s = float(take.start_s[word]), float(take.end_s[word])
-        words.append(_sampled(take, start_s, end_s, np.linspace(0.0, 1.0, WORD_FRAMES)))
-        copies.append([_augmented_copy(take, start_s, end_s, rng) for _ in range(2)])
-    clean, augmented = np.stack(words), np.stack(copies, axis=1)  # (B, 13, 21, 3), (2, B, 13, 21, 3)
+    index = rng.integers(ends[-1], size=size)
+    changes = _Changes.drawn(rng, 2 * size)
     flip = (rng.random(size) < mirrored_share)[:, None, None, None]
-    clean, augmented = np.where(flip, mirrored(clean), clean), np.where(flip, mirrored(augmented), augmented)
+
+    take_of = np.searchsorted(ends, index, side="right")  # (B,)
+    start_s = np.concatenate([take.start_s for take in takes])[index]
+    end_s = np.concatenate([take.end_s for take in takes])[index]
+    share = np.linspace(0.0, 1.0, WORD_FRAMES)
+    words = np.empty((size, WORD_FRAMES, len(BODY_JOINTS), 3), np.float32)
+    copies = np.empty((size, 2, *words.shape[1:]), np.float32)
+    for number in np.unique(take_of):
+        chosen = np.flatnonzero(take_of == number)
+        for of_take in np.array_split(chosen, -(-len(chosen) // _BLOCK_WORDS)):
+            start, end = start_s[of_take], end_s[of_take]
+            words[of_take] = _sampled(takes[number], start[:, None], end[:, None], share)
+            twice = np.stack([2 * of_take, 2 * of_take + 1], axis=1).ravel()  # a word's copies
+            changed = changes.changed(takes[number], start.repeat(2), end.repeat(2), twice)
+            copies[of_take] = changed.reshape(-1, *copies.shape[1:])
+    augmented = copies.swapaxes(0, 1)  # (2, B, 13, 21, 3)
+    clean, augmented = np.where(flip, mirrored(words), words), np.where(flip, mirrored(augmented), augmented)
     first, second = torch.from_numpy(augmented.astype(np.float32))
     return AugmentedWords(torch.from_numpy(clean.astype(np.float32)), first, second)
 
 
-def _augmented_copy(
-    take: WordTake, start_s: float, end_s: float, rng: np.random.Generator
-) -> NDArray[np.float32]:
-    duration = end_s - start_s
-    start_s, end_s = start_s + rng.normal(0, _BEAT_STD_S), end_s + rng.normal(0, _BEAT_STD_S)
-    if end_s - start_s < 0.5 * duration:  # the beat errors left too little of the word
-        start_s, end_s = start_s - 0.25 * duration, end_s + 0.25 * duration
-    even = np.linspace(0.0, 1.0, int(rng.integers(_MIN_FRAMES, _MAX_FRAMES + 1)))
-    # Two bends that are small enough for time to increase: |slope - 1| < π (a + 2 b) < 1.
-    bends = rng.uniform(-_MAX_WARP, _MAX_WARP) * np.sin(np.pi * even)
-    bends += rng.uniform(-_MAX_WARP, _MAX_WARP) / 2 * np.sin(2 * np.pi * even)
-    coarse = _sampled(take, start_s, end_s, even + bends)
-    word = interpolate_frames(coarse, np.linspace(0, len(coarse) - 1, WORD_FRAMES)).astype(np.float32)
-    word = word * rng.uniform(1 - _MAX_SCALE, 1 + _MAX_SCALE)
-    return word + rng.normal(0, _JOINT_STD_M, (1, *word.shape[1:])).astype(np.float32)
+@dataclass(frozen=True, eq=False)
+class _Changes:
+    """What makes copies (C,) of words differ from them."""
+
+    bounds_s: NDArray[np.float64]  # (C, 2) errors
+    n_frames: NDArray[np.int64]  # (C,) at the copy's frame rate
+    bends: NDArray[np.float64]  # (C, 2) of time
+    scale: NDArray[np.float32]  # (C,)
+    offset_m: NDArray[np.float32]  # (C, 21, 3)
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, n_copies: int) -> _Changes:
+        """Copy by copy."""
+        drawn = [
+            (
+                (rng.normal(0, _BEAT_STD_S), rng.normal(0, _BEAT_STD_S)),
+                rng.integers(_MIN_FRAMES, _MAX_FRAMES + 1),
+                (rng.uniform(-_MAX_WARP, _MAX_WARP), rng.uniform(-_MAX_WARP, _MAX_WARP) / 2),
+                rng.uniform(1 - _MAX_SCALE, 1 + _MAX_SCALE),
+                rng.normal(0, _JOINT_STD_M, (len(BODY_JOINTS), 3)).astype(np.float32),
+            )
+            for _ in range(n_copies)
+        ]
+        bounds_s, n_frames, bends, scale, offset_m = map(np.array, zip(*drawn, strict=True))
+        return cls(bounds_s, n_frames, bends, scale.astype(np.float32), offset_m)
+
+    def changed(self, take: WordTake, start_s: Floats, end_s: Floats, copies: Indices) -> NDArray[np.float32]:
+        """Some of the copies (N, 13, 21, 3), of words of a take that start and end at times (N,)."""
+        duration_s = end_s - start_s
+        start_s, end_s = start_s + self.bounds_s[copies, 0], end_s + self.bounds_s[copies, 1]
+        short = end_s - start_s < 0.5 * duration_s  # the beat errors left too little of the word
+        start_s = np.where(short, start_s - 0.25 * duration_s, start_s)
+        end_s = np.where(short, end_s + 0.25 * duration_s, end_s)
+        even, first_bend, second_bend, low, high, weight = (t[self.n_frames[copies]] for t in _frame_rates())
+        # Two bends that are small enough for time to increase: |slope - 1| < π (a + 2 b) < 1.
+        bends = self.bends[copies, :, None]
+        share = even + (bends[:, 0] * first_bend + bends[:, 1] * second_bend)  # (N, 40)
+        coarse = _sampled(take, start_s[:, None], end_s[:, None], share)  # (N, 40, 21, 3)
+        each, weight = np.arange(len(copies))[:, None], weight[..., None, None]
+        word: Floats = coarse[each, low] * (1 - weight) + coarse[each, high] * weight
+        scale, offset_m = self.scale[copies, None, None, None], self.offset_m[copies, None]
+        changed: NDArray[np.float32] = word.astype(np.float32) * scale + offset_m
+        return changed
 
 
-def _sampled(take: WordTake, start_s: float, end_s: float, share: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Body positions (F, 21, 3) at shares (F,) of a word's duration."""
+@cache
+def _frame_rates() -> tuple[NDArray[Any], ...]:
+    """By the number of frames of a copy: even times (41, 40), two bends of them, and how 13 frames are made.
+
+    Times after the last frame are those of the last.
+    """
+    even = np.ones((_MAX_FRAMES + 1, _MAX_FRAMES))
+    bends = np.zeros((2, *even.shape))
+    to_word: list[Any] = [np.zeros((_MAX_FRAMES + 1, WORD_FRAMES), kind) for kind in (int, int, float)]
+    for n in range(_MIN_FRAMES, _MAX_FRAMES + 1):
+        even[n, :n] = np.linspace(0.0, 1.0, n)
+        bends[:, n, :n] = np.sin(np.pi * even[n, :n]), np.sin(2 * np.pi * even[n, :n])
+        for table, row in zip(to_word, frame_weights(np.linspace(0, n - 1, WORD_FRAMES), n), strict=True):
+            table[n] = row
+    return even, *bends, *to_word
+
+
+def _sampled(take: WordTake, start_s: Floats, end_s: Floats, share: Floats) -> NDArray[np.float32]:
+    """Body positions (N, F, 21, 3) at shares (N, F) or (F,) of the durations of words (N, 1)."""
     frames = (start_s + (end_s - start_s) * share) * take.fps
     return interpolate_frames(take.body_pos_m, frames).astype(np.float32)
 

@@ -55,6 +55,14 @@ def test_shapes_and_gradients_of_every_size(preset):
     assert body.grad.abs().sum() > 0
 
 
+def test_words_that_are_copied_together_are_those_copied_one_by_one(monkeypatch):
+    together = augmented_words(TAKES, 40, np.random.default_rng(7))
+    monkeypatch.setattr("choreograph.nets.words._BLOCK_WORDS", 1)
+    alone = augmented_words(TAKES, 40, np.random.default_rng(7))
+    for name in ("words", "first", "second"):
+        assert torch.equal(getattr(together, name), getattr(alone, name))
+
+
 def test_the_root_frame_is_that_of_the_arrays():
     words = augmented_words(TAKES, 5, np.random.default_rng(1)).words
     wanted = pose.clips_to_root_frame(words.numpy().astype(np.float64))
