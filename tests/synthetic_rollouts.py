@@ -1,5 +1,8 @@
 """Synthetic takes for the rollout network: a body swings its left or right arm, or both, on every beat."""
 
+from copy import deepcopy
+from functools import cache
+
 import numpy as np
 
 from choreograph.choreography.rollout.generation import MotifSequence
@@ -68,17 +71,23 @@ def synthetic_takes(n_takes: int = 3) -> list[RolloutTake]:
 
 
 def synthetic_words(takes: list[RolloutTake]) -> WordNet:
-    """A word network trained on the takes; fills in their embeddings and, the same, motifs."""
-    bodies = [body_pos_m(take.motion) for take in takes]
-    net = train_word_net(
-        [WordTake(t.name, b, ROLLOUT_FPS, t.start_s, t.end_s) for t, b in zip(takes, bodies, strict=True)],
-        word_config("tiny", steps=10), seed=0,
-    )  # fmt: skip
-    for take, body in zip(takes, bodies, strict=True):
+    """A word network trained on `synthetic_takes`; fills in their embeddings and, the same, motifs."""
+    net = deepcopy(_trained_words(len(takes)))
+    for take in takes:
         bounds = np.append(take.start_s, take.end_s[-1])
+        body = body_pos_m(take.motion)
         take.embedding[:] = net.embed(segment_words(body, ROLLOUT_FPS, bounds).body_pos_m)
         take.motif[:] = take.embedding
     return net
+
+
+@cache
+def _trained_words(n_takes: int) -> WordNet:
+    words = [
+        WordTake(t.name, body_pos_m(t.motion), ROLLOUT_FPS, t.start_s, t.end_s)
+        for t in synthetic_takes(n_takes)
+    ]
+    return train_word_net(words, word_config("tiny", steps=10), seed=0)
 
 
 def motif_sequence(kinds, embeddings, beat_s=BEAT_S) -> MotifSequence:
