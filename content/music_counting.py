@@ -18,8 +18,8 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS, seconds_to_frames
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import MusicCountsConfig
-from choreograph.nets.music_counts import CURVE_FPS, MusicCounts, levelled
+from choreograph.nets.count_phases import MusicCountsNet
+from choreograph.nets.music_counts import CURVE_FPS, MusicCounts, MusicCountsConfig, levelled
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
@@ -237,7 +237,7 @@ def train_music_counts(
     share = None if weights is None else np.asarray(weights, np.float64) / np.sum(weights)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
-        net = MusicCounts(config)
+        net = MusicCountsNet(config)
     if pretrained is not None:
         load_pretrained(net, "music_counts", pretrained)
 
@@ -259,4 +259,4 @@ def train_music_counts(
         configuration={**asdict(config), "songs": len(songs)},
         context=context,
     )
-    return net
+    return MusicCounts.from_arrays(*net.to_arrays())

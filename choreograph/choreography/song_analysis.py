@@ -39,6 +39,7 @@ from choreograph.music.rhythm import off_beat_share, rhythm_features
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
 from choreograph.music.spectral import spectral_features
+from choreograph.nets.inference import SongStyle
 
 _STEPS = 100  # of the progress, most of which is for the sections
 _SAME_TEMPO = 0.015  # largest relative difference of tempi that count as the same
@@ -258,10 +259,8 @@ def _style(
     )
     if "style" not in repertoire.net_names:
         return *without, [f"{repertoire.path.name}: no style networks: clips are not chosen by style"]
-    from choreograph.nets.style import StyleNets
-
     net = repertoire.net("style")
-    nets = StyleNets.from_arrays(net.weights, net.config)
+    nets = SongStyle.from_arrays(net.weights, net.config)
     style = nets.embed_music(mel, rhythm, np.arange(n_seconds))
     return style, nets.predict_beat_count(style), []
 

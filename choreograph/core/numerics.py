@@ -1,4 +1,4 @@
-"""Numerics for several rooms: default settings, blocks of frames, distances, interpolation."""
+"""Numerics for several rooms: default settings, blocks of frames, distances, ranks, interpolation."""
 
 from __future__ import annotations
 
@@ -67,17 +67,29 @@ def one_thread() -> Iterator[None]:
     """Use the settings of `default_numerics`, and one thread in BLAS and torch.
 
     The order of sums then does not depend on the number of cores. More threads do not make a dance faster,
-    because its arrays are small and the planner has threads of its own.
+    because its arrays are small and the planner has threads of its own. It does not import torch. If torch is
+    imported in the block, `torch_imported` is to be called.
     """
-    import torch  # a second to import
+    with ExitStack() as block:
+        block.enter_context(default_numerics())
+        _one_thread_blocks.append(block)
+        block.callback(_one_thread_blocks.remove, block)
+        if "torch" in sys.modules:
+            torch_imported()
+        block.enter_context(threadpool_limits(1, user_api="blas"))
+        yield
 
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1, user_api="blas"), default_numerics():
-            yield
-    finally:
-        torch.set_num_threads(before)
+
+_one_thread_blocks: list[ExitStack] = []  # those in progress
+
+
+def torch_imported() -> None:
+    """Limit torch to one thread until the end of the outermost block of `one_thread`, if there is one."""
+    import torch
+
+    if _one_thread_blocks and torch.get_num_threads() > 1:
+        _one_thread_blocks[0].callback(torch.set_num_threads, torch.get_num_threads())
+        torch.set_num_threads(1)
 
 
 # Blocks of frames, so that temporary arrays do not grow with the length of a song or motion.
@@ -171,6 +183,13 @@ def chi_square_distance(a: Floats, b: Floats) -> Floats:
     both = a + b
     distance: Floats = 0.5 * np.sum(np.square(a - b) / np.where(both > 0, both, 1.0), axis=-1)
     return distance
+
+
+def mean_ranks(values: AnyFloats) -> Floats:
+    """Ranks (N,) from 1 on of values (N,). Equal values have the mean of their ranks."""
+    _, which, n_equal = np.unique(values, return_inverse=True, return_counts=True)
+    ranks: Floats = (np.cumsum(n_equal) - 0.5 * (n_equal - 1))[which]
+    return ranks
 
 
 # Linear interpolation at fractional frames.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, Figure
-from choreograph.core.numerics import AnyInts
+from choreograph.core.numerics import AnyInts, mean_ranks
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, frame_times_s
 from choreograph.library.checks import check_counts, check_parts
 from choreograph.library.store import RepertoireFile
@@ -122,8 +122,6 @@ def clip_steps(
     `body_pos_m` returns the positions (T, 21, 3) of a take at 20 fps. `genres` (takes,) are the genres of the
     takes. Equal clips have their mean rank.
     """
-    from scipy.stats import rankdata  # a third of a second to import
-
     steps = np.zeros(len(take))
     for index in np.unique(take):
         clips = np.flatnonzero(take == index)
@@ -132,7 +130,7 @@ def clip_steps(
     ranks = np.empty(len(take), np.float32)
     for name in np.unique(genres[take]):
         inside = genres[take] == name
-        ranks[inside] = (rankdata(steps[inside]) - 0.5) / inside.sum()
+        ranks[inside] = (mean_ranks(steps[inside]) - 0.5) / inside.sum()
     return ranks
 
 

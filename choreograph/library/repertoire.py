@@ -31,8 +31,8 @@ from choreograph.motion.skeleton import Skeleton, roles_of
 
 if TYPE_CHECKING:
     from choreograph.library.building.counting import MotionCounter
+    from choreograph.nets.inference import WordEmbedder
     from choreograph.nets.rollout import RolloutNet
-    from choreograph.nets.words import WordNet
 
 # A small HTML table, for notebooks.
 
@@ -154,14 +154,14 @@ class Repertoire:
         with self._damage_named():
             return vocabulary_from(self._file.read, len(self.takes))
 
-    def word_net(self) -> WordNet:
+    def word_net(self) -> WordEmbedder:
         """The network that embedded the motion words. Raises `RepertoireError` if there is none."""
-        from choreograph.nets.words import WordNet
+        from choreograph.nets.inference import WordEmbedder
 
         self._expect_vocabulary()
         net = self.net("words")
         with self._damage_named():
-            return WordNet.from_arrays(net.weights, net.config)
+            return WordEmbedder.from_arrays(net.weights, net.config)
 
     @cached_property
     def _rollout_nets(self) -> dict[str, NetArrays]:

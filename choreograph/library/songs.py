@@ -28,6 +28,7 @@ from choreograph.music.frame_rhythm import (
 from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import level_at_tempo, tempo_bpm, with_eighths
 from choreograph.music.song import Song, load_song
+from choreograph.nets.music_counts import NetworkBeats
 
 # The counts of a song: its beats by a tracker, by the network or from a file, numbered in their bars.
 
@@ -78,8 +79,6 @@ def song_beats(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> 
 def _tracker(name: str) -> BeatTracker:
     if name in TRACKERS:
         return get_beat_tracker(name)
-    from choreograph.nets.music_counts import NetworkBeats  # imports torch
-
     return NetworkBeats()
 
 

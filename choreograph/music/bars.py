@@ -13,10 +13,11 @@ from scipy.ndimage import uniform_filter1d
 
 from choreograph.core.counts import FROM_MUSIC, Counts
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, frame_blocks, sums_before
+from choreograph.core.numerics import Floats, Indices, frame_blocks, sums_before
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEIGHTS
 from choreograph.music.beats import checked_beat_times_s
+from choreograph.music.constant_q import chroma_filterbank
 from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz
 
 # Features of the music at every beat, from which bars are estimated.
@@ -136,9 +137,7 @@ def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Fl
 @lru_cache(maxsize=1)
 def _chroma_banks() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Pitch class filters (12, 4097) of the bass and of the harmony."""
-    from choreograph.music.cached_librosa import librosa
-
-    bank = librosa.filters.chroma(sr=SAMPLE_RATE_HZ, n_fft=_SPECTRUM, octwidth=None)
+    bank = chroma_filterbank(_SPECTRUM)
     hz = fft.rfftfreq(_SPECTRUM, 1 / SAMPLE_RATE_HZ)
     low, high = (bank * ((hz >= a) & (hz < b)) for a, b in (_BASS_HZ, _HARMONY_HZ))
     return low.astype(np.float32), high.astype(np.float32)
@@ -278,16 +277,34 @@ def state_evidence(accents: Floats, repeats: Floats, accent_weights: Floats, met
 
 def best_bars(evidence: Floats) -> tuple[NDArray[np.int64], float]:
     """The best path of states (Q,), and its log margin over the best path that is nowhere counted alike."""
-    from scipy.special import softmax
-
-    from choreograph.music.cached_librosa import librosa  # a second to import
-
-    suits = softmax(evidence, axis=1).T  # (25, Q)
+    suits = np.exp(evidence - evidence.max(axis=1, keepdims=True))  # (Q, 25)
+    suits /= suits.sum(axis=1, keepdims=True)
     transition = _transition()
-    states, score = librosa.sequence.viterbi(suits, transition, return_logp=True)
-    suits[_PLACE[:, None] == _PLACE[states]] = 0.0
-    _, other = librosa.sequence.viterbi(suits, transition, return_logp=True)
-    return states.astype(np.int64), float(np.squeeze(score - other))
+    states, score = _most_probable_path(suits, transition)
+    suits[_PLACE[states][:, None] == _PLACE] = 0.0
+    _, other = _most_probable_path(suits, transition)
+    return states, score - other
+
+
+def _most_probable_path(observed: Floats, transition: Floats) -> tuple[Indices, float]:
+    """The most probable path (Q,) through states and its log probability, by Viterbi's algorithm.
+
+    `observed` (Q, S) are likelihoods, and `transition` (S, S) probabilities. All first states are equally
+    probable.
+    """
+    tiny = np.finfo(np.float64).tiny
+    log_observed, log_transition = np.log(observed + tiny), np.log(transition + tiny)
+    value = log_observed[0] - np.log(observed.shape[1])
+    before = np.zeros(observed.shape, np.int64)
+    for beat in range(1, len(observed)):
+        values = value[:, None] + log_transition  # (S, S)
+        before[beat] = values.argmax(axis=0)
+        value = log_observed[beat] + values.max(axis=0)
+    path = np.empty(len(observed), np.int64)
+    path[-1] = value.argmax()
+    for beat in range(len(observed) - 1, 0, -1):
+        path[beat - 1] = before[beat, path[beat]]
+    return path, float(value.max())
 
 
 def _transition() -> Floats:

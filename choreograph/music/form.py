@@ -213,8 +213,8 @@ def song_sections(
     """The sections of a song, bounded by beats (Q,), or by downbeats if those are given.
 
     `features` are the spectral features (Q - 1, 87) of the intervals between beats (`music.spectral`).
-    Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion (librosa's
-    agglomerative segmentation) to one section per 12 s. Sections shorter than 6 s are merged with the more
+    Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion to one section per
+    12 s. Sections shorter than 6 s are merged with the more
     similar neighbour. Sections with similar mean features get one label. There is a bound at every beat of
     `change_times_s` (C,), where other music begins (see `music.metrical_level`). A bound that is 1.5 to 4 s
     from it is moved there. At least 17 beats are needed.
@@ -240,13 +240,9 @@ def song_sections(
 
 def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.int64]) -> NDArray[np.int64]:
     """First beat of each section, (S,), among the first beats (U,) of the units to be merged."""
-    from choreograph.music.cached_librosa import librosa  # a second to import
-
     most = min(len(beat_features) // _MIN_BEATS, len(units))
     n_sections = int(np.clip(round((beats_s[-1] - beats_s[0]) / SECTION_S), min(2, most), most))
-    starts: NDArray[np.int64] = units[
-        np.unique(librosa.segment.agglomerative(_means(beat_features, units).T, n_sections))
-    ]
+    starts = units[_merged(_means(beat_features, units), n_sections)]
     while len(starts) > 1:
         length_s = np.diff(beats_s[np.append(starts, len(beats_s) - 1)])
         shortest = int(length_s.argmin())
@@ -257,6 +253,22 @@ def _section_starts(beat_features: Floats, beats_s: Floats, units: NDArray[np.in
         before = away[shortest - 1] if shortest > 0 else np.inf
         after = away[shortest] if shortest < len(away) else np.inf
         starts = np.delete(starts, shortest if before <= after else shortest + 1)
+    return starts
+
+
+def _merged(rows: Floats, n_parts: int) -> NDArray[np.int64]:
+    """First rows of parts (n_parts,) of rows (U, F), merged from the most similar neighbours on.
+
+    By Ward's criterion, those are most similar whose merger adds least to the sum of squared distances of
+    rows to the means of their parts.
+    """
+    starts, means = np.arange(len(rows)), rows.astype(np.float64)
+    while len(starts) > n_parts:
+        sizes = np.diff(np.append(starts, len(rows)))
+        weights = sizes[:-1] * sizes[1:] / (sizes[:-1] + sizes[1:])
+        at = int((weights * np.square(np.diff(means, axis=0)).sum(axis=1)).argmin())
+        means[at] = np.average(means[at : at + 2], axis=0, weights=sizes[at : at + 2])
+        starts, means = np.delete(starts, at + 1), np.delete(means, at + 1, axis=0)
     return starts
 
 

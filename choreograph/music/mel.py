@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.numerics import frame_blocks, mean_ranks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, SEGMENT_S, seconds_to_frames
 from choreograph.music.song import SILENCE_PEAK
@@ -65,35 +65,43 @@ def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) 
 
 def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
     """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
-    spectrum = fft.rfft(windows * _hann(), axis=1)  # (T, F)
+    spectrum = fft.rfft(windows * hann_window(), axis=1)  # (T, F)
     power = spectrum.real**2 + spectrum.imag**2
     log_mel: NDArray[np.float32] = np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
     return log_mel
 
 
 @lru_cache(maxsize=1)
-def _hann() -> NDArray[np.float32]:
+def hann_window() -> NDArray[np.float32]:
+    """The window of `MEL_WINDOW` samples."""
     return np.hanning(MEL_WINDOW + 1)[:-1].astype(np.float32)
 
 
-@lru_cache(maxsize=1)
-def mel_filterbank() -> NDArray[np.float32]:
-    """Triangular filters (96, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
-    from choreograph.music.cached_librosa import librosa  # a second to import
-
-    # Rounded to float32 once, at the end. By default, librosa also rounds before it normalises the area.
-    filters = librosa.filters.mel(
-        sr=SAMPLE_RATE_HZ, n_fft=MEL_WINDOW, n_mels=MEL_BANDS, norm="slaney", dtype=np.float64
-    )
+@lru_cache
+def mel_filterbank(n_bands: int = MEL_BANDS) -> NDArray[np.float32]:
+    """Triangular filters (n_bands, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
+    bounds_hz = _mel_bounds_hz(n_bands)
+    away_hz = bounds_hz[:, None] - fft.rfftfreq(MEL_WINDOW, 1 / SAMPLE_RATE_HZ)  # (B + 2, F)
+    width_hz = np.diff(bounds_hz)[:, None]
+    rising, falling = -away_hz[:-2] / width_hz[:-1], away_hz[2:] / width_hz[1:]
+    area_hz = (bounds_hz[2:] - bounds_hz[:-2])[:, None] / 2
+    filters: NDArray[np.float64] = np.maximum(0.0, np.minimum(rising, falling)) / area_hz
     return filters.astype(np.float32)
 
 
-@lru_cache(maxsize=1)
-def mel_band_hz() -> NDArray[np.float64]:
-    """Centre frequencies of the bands in Hz, (96,)."""
-    from choreograph.music.cached_librosa import librosa
+@lru_cache
+def mel_band_hz(n_bands: int = MEL_BANDS) -> NDArray[np.float64]:
+    """Centre frequencies of the bands in Hz, (n_bands,)."""
+    return _mel_bounds_hz(n_bands)[1:-1]
 
-    return librosa.mel_frequencies(MEL_BANDS + 2, fmin=0.0, fmax=SAMPLE_RATE_HZ / 2)[1:-1]
+
+def _mel_bounds_hz(n_bands: int) -> NDArray[np.float64]:
+    """Frequencies (n_bands + 2,) at equal distances on Slaney's mel scale: linear below 1 kHz, then log."""
+    linear_hz, border_hz, per_octave = 200.0 / 3.0, 1000.0, 27.0 / np.log(6.4)
+    border = border_hz / linear_hz
+    top = border + np.log(0.5 * SAMPLE_RATE_HZ / border_hz) * per_octave
+    mel = np.linspace(0.0, top, n_bands + 2)
+    return np.where(mel < border, mel * linear_hz, border_hz * np.exp((mel - border) / per_octave))
 
 
 # Loudness normalisation, so that features do not depend on the level of the file.
@@ -185,14 +193,12 @@ def onset_density(log_mel: NDArray[np.floating], n_seconds: int) -> NDArray[np.f
     The mean of the three envelopes is ranked, and equal seconds have the mean rank. Raises as
     `onset_envelopes`.
     """
-    from scipy.stats import rankdata
-
     strength = np.concatenate([[0.0], np.cumsum(onset_envelopes(log_mel).mean(axis=1, dtype=np.float64))])
     last = len(strength) - 1
     first = np.minimum(np.arange(n_seconds) * MUSIC_FPS, last - 1)
     end = np.minimum(first + SEGMENT_S * MUSIC_FPS, last)
     mean = (strength[end] - strength[first]) / (end - first)
-    density: NDArray[np.float32] = ((rankdata(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
+    density: NDArray[np.float32] = ((mean_ranks(np.round(mean, 6)) - 0.5) / n_seconds).astype(np.float32)
     return density
 
 

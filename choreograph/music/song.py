@@ -257,6 +257,13 @@ def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[
     yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
 
 
+def at_half_rate(samples: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Samples (S,) at half their rate, ((S + 1) // 2,)."""
+    n_samples = (len(samples) + 1) // 2
+    halved = soxr.resample(samples, 2, 1, quality="HQ")[:n_samples]
+    return np.pad(halved, (0, n_samples - len(halved)))
+
+
 def _concatenated(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
     """Concatenate and empty `parts`, so that peak memory is one song and not two."""
     samples = np.empty(sum(map(len, parts)), np.float32)

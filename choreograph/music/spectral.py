@@ -1,4 +1,4 @@
-"""Timbre and harmony of music: 87 spectral features per beat interval, by librosa.
+"""Timbre and harmony of music: 87 spectral features per beat interval, as librosa defines them.
 
 The paper's Table 2, row by row (a1 to a4 are the rhythmic features, `music.frame_rhythm`):
 
@@ -25,17 +25,29 @@ librosa's defaults (2,048 samples, hop 512, 128 mel bands for the MFCC). Loudnes
 
 from __future__ import annotations
 
-from itertools import accumulate
-from typing import Any
+from functools import lru_cache
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music.beats import checked_beat_times_s
-from choreograph.music.mel import at_unit_loudness
+from choreograph.music.constant_q import (
+    N_BINS,
+    chroma_filterbank,
+    chroma_of,
+    constant_q,
+    energy_normalised,
+    normalised,
+    spectral_peaks,
+    tonal_centroids,
+    tuning_of,
+)
+from choreograph.music.mel import at_unit_loudness, hann_window, mel_filterbank
 
 _COLUMNS = {
     "chroma": 12, "chroma_cqt": 12, "chroma_cens": 12, "mel_db": 26, "mfcc": 13, "centroid_hz": 1,
@@ -50,8 +62,7 @@ SPECTRAL_DIM = sum(_COLUMNS.values())
 
 _STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
-_CQT_BINS_PER_OCTAVE, _CQT_BINS = 36, 252  # seven octaves from C1
-_CQT_MIN_SAMPLES = 1 << 16  # samples. The lowest octave's filters are this long
+_CQT_REACH = 1 << 16  # samples. The lowest octave's filters are this long
 _CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes, which take 0.3 GB. The last bit may differ at a border of blocks
 _TUNING_HOP = 8 * _HOP
 _TUNING_BLOCK_FRAMES = 512
@@ -61,6 +72,11 @@ _POWER_FLOOR = 1e-3
 _MEL_POWER_FLOOR = 1e-5
 _CQT_FLOOR = 1e-3  # of the song's strongest bin
 _CROSSING_FLOOR = 1e-3  # amplitude of a sample
+_CHROMA_OCTAVES = (5.0, 2.0)  # mean and standard deviation, above A0, of the weights of bins
+_MFCC_BANDS = 128
+_ROLLOFF = 0.85  # of the amplitude
+_N_CONTRASTS, _CONTRAST_HZ = 7, 200.0  # bands of an octave each, and the upper end of the lowest one
+_CONTRAST_SHARE = 0.02  # of the bins of a band that are its loudest, or quietest
 
 
 def spectral_features(
@@ -114,21 +130,17 @@ def _tonal_frames(
     samples: NDArray[np.float32], tuning: float, report: StepReport | None
 ) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
-    from choreograph.music.cached_librosa import librosa
-
     n_frames = 1 + len(samples) // _HOP
-    tones = np.empty((_CQT_BINS, n_frames), np.float32, order="F")  # (252, T)
+    tones = np.empty((N_BINS, n_frames), np.float32, order="F")  # (252, T)
     for block in frame_blocks(n_frames, _CQT_BLOCK_FRAMES):
         tones[:, block] = _tones(samples, block, tuning)
         if report is not None:
             report(block.stop, n_frames)
-    quietest = _CQT_FLOOR * tones.max()
-    for block in frame_blocks(n_frames):
-        tones[:, block][tones[:, block] < quietest] = 0.0
-    chroma = librosa.feature.chroma_cqt(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)  # (12, T)
-    cens = librosa.feature.chroma_cens(C=tones, bins_per_octave=_CQT_BINS_PER_OCTAVE)
-    rows = {"chroma_cqt": chroma, "chroma_cens": cens, "tonnetz": librosa.feature.tonnetz(chroma=chroma)}
-    return {name: row[:, :n_frames].T for name, row in rows.items()}
+    tones[tones < _CQT_FLOOR * tones.max()] = 0.0
+    sums = chroma_of(tones)  # (12, T)
+    chroma = normalised(sums, np.inf)
+    rows = {"chroma_cqt": chroma, "chroma_cens": energy_normalised(sums), "tonnetz": tonal_centroids(chroma)}
+    return {name: row.T for name, row in rows.items()}
 
 
 def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray[np.float32]:
@@ -136,19 +148,9 @@ def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray
 
     The samples around the block that the filters of the lowest octave reach are transformed with it.
     """
-    from choreograph.music.cached_librosa import librosa
-
-    first = max(0, block.start * _HOP - _CQT_MIN_SAMPLES)
-    span = samples[first : block.stop * _HOP + _CQT_MIN_SAMPLES]
-    long_enough = np.pad(span, (0, max(0, _CQT_MIN_SAMPLES - len(span))))
-    tones = librosa.cqt(
-        long_enough, sr=SAMPLE_RATE_HZ, hop_length=_HOP, n_bins=_CQT_BINS,
-        bins_per_octave=_CQT_BINS_PER_OCTAVE, tuning=tuning * _CQT_BINS_PER_OCTAVE / 12,
-    )  # fmt: skip
-    amplitude: NDArray[np.float32] = np.abs(
-        tones[:, block.start - first // _HOP : block.stop - first // _HOP]
-    )
-    return amplitude
+    first = max(0, block.start * _HOP - _CQT_REACH)
+    tones = constant_q(samples[first : block.stop * _HOP + _CQT_REACH], _HOP, tuning)
+    return tones[:, block.start - first // _HOP : block.stop - first // _HOP]
 
 
 def _span(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
@@ -159,54 +161,87 @@ def _span(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.flo
 
 def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
     """Features of the short-time spectrum, each (T_b, n), of samples that begin half a window early."""
-    from choreograph.music.cached_librosa import librosa
-
-    rate: dict[str, Any] = {"sr": SAMPLE_RATE_HZ}
-    spectrum = librosa.stft(block, n_fft=_WINDOW, hop_length=_HOP, center=False)  # (F, T_b)
-    power = spectrum.real**2 + spectrum.imag**2
+    spectrum = _spectra(block, _HOP)
+    power = spectrum.real**2 + spectrum.imag**2  # (T_b, F)
     gated = np.where(power < _POWER_FLOOR, np.float32(0.0), power)
     amplitude = np.sqrt(gated)
-    at_floor = np.sqrt(np.maximum(power, _POWER_FLOOR))  # decibels of zero are undefined
-
-    def mel_db(n_mels: int) -> NDArray[np.floating]:
-        mel = librosa.feature.melspectrogram(S=gated, n_mels=n_mels, **rate)
-        decibels: NDArray[np.floating] = librosa.power_to_db(mel, amin=_MEL_POWER_FLOOR, top_db=None)
-        return decibels
-
-    centroid = librosa.feature.spectral_centroid(S=amplitude, **rate)
+    total = np.maximum(amplitude.sum(axis=1, keepdims=True), np.finfo(np.float32).tiny)
+    share, hz = amplitude / total, _bin_hz()
+    centroid_hz = share @ hz  # (T_b,)
+    bandwidth_hz = np.sqrt((share * np.square(hz - centroid_hz[:, None])).sum(axis=1))
+    # Decibels and geometric means of zero are undefined.
+    floored = np.maximum(power, _POWER_FLOOR)
+    reached = np.cumsum(amplitude, axis=1)
     rows = {
-        "chroma": librosa.feature.chroma_stft(S=gated, tuning=tuning, **rate),
-        "mel_db": mel_db(_COLUMNS["mel_db"]),
-        "mfcc": librosa.feature.mfcc(S=mel_db(128), n_mfcc=_COLUMNS["mfcc"], **rate),
-        "centroid_hz": centroid,
-        "bandwidth_hz": librosa.feature.spectral_bandwidth(S=amplitude, centroid=centroid, **rate),
-        "contrast_db": librosa.feature.spectral_contrast(S=at_floor, **rate).mean(axis=0, keepdims=True),
-        "flatness": librosa.feature.spectral_flatness(S=amplitude, amin=_POWER_FLOOR),
-        "rolloff_hz": librosa.feature.spectral_rolloff(S=amplitude, **rate),
-        "zero_crossing_rate": librosa.feature.zero_crossing_rate(
-            block, frame_length=_WINDOW, hop_length=_HOP, center=False, threshold=_CROSSING_FLOOR
-        ),
+        "chroma": normalised(chroma_filterbank(_WINDOW, tuning, _CHROMA_OCTAVES) @ gated.T, np.inf),
+        "mel_db": _mel_db(gated, _COLUMNS["mel_db"]).T,
+        "mfcc": fft.dct(_mel_db(gated, _MFCC_BANDS), axis=1, norm="ortho")[:, : _COLUMNS["mfcc"]].T,
+        "centroid_hz": centroid_hz,
+        "bandwidth_hz": bandwidth_hz,
+        "contrast_db": _contrast_db(np.sqrt(floored)),
+        "flatness": np.exp(np.log(floored).mean(axis=1)) / floored.mean(axis=1),
+        "rolloff_hz": hz[np.argmax(reached >= _ROLLOFF * reached[:, -1:], axis=1)],
+        "zero_crossing_rate": _zero_crossings(block),
     }
-    return {name: row.T for name, row in rows.items()}
+    return {name: row.T.reshape(len(power), -1) for name, row in rows.items()}
+
+
+def _spectra(samples: NDArray[np.float32], hop: int) -> NDArray[np.complex64]:
+    """Spectra (T, F) of the whole windows of samples (S,), one every `hop` samples."""
+    windows = np.lib.stride_tricks.sliding_window_view(samples, _WINDOW)[::hop]
+    spectra: NDArray[np.complex64] = fft.rfft(windows * hann_window(), axis=1)
+    return spectra
+
+
+@lru_cache(maxsize=1)
+def _bin_hz() -> NDArray[np.float64]:
+    hz: NDArray[np.float64] = fft.rfftfreq(_WINDOW, 1 / SAMPLE_RATE_HZ)
+    return hz
+
+
+def _mel_db(power: NDArray[np.float32], n_bands: int) -> NDArray[np.floating]:
+    """Power (T, F) in mel bands in decibels, (T, n_bands)."""
+    decibels: NDArray[np.floating] = 10 * np.log10(
+        np.maximum(power @ mel_filterbank(n_bands).T, _MEL_POWER_FLOOR)
+    )
+    return decibels
+
+
+def _contrast_db(amplitude: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Difference (T,) in decibels of the loudest and quietest fiftieth of the bins, mean over bands."""
+    hz = _bin_hz()
+    contrast = np.zeros(len(amplitude))
+    bounds_hz = (0.0, *(_CONTRAST_HZ * 2.0**octave for octave in range(_N_CONTRASTS)))
+    for band, (low_hz, high_hz) in enumerate(pairwise(bounds_hz)):
+        first = max(0, int(np.searchsorted(hz, low_hz)) - 1)
+        stop = int(np.searchsorted(hz, high_hz, "right"))
+        n_bins = max(1, round(_CONTRAST_SHARE * (stop - first)))
+        last = stop if band == _N_CONTRASTS - 1 else stop - 1  # which the next band begins with
+        ordered = np.sort(amplitude[:, first:last], axis=1)
+        contrast += 10 * np.log10(ordered[:, -n_bins:].mean(axis=1) / ordered[:, :n_bins].mean(axis=1))
+    return contrast / _N_CONTRASTS
+
+
+def _zero_crossings(block: NDArray[np.float32]) -> NDArray[np.floating]:
+    """Share of samples at which the sign changes, of each window of samples (S,), (T,)."""
+    is_negative = np.signbit(np.where(np.abs(block) <= _CROSSING_FLOOR, 0, block))
+    changes = np.concatenate([[0], np.cumsum(is_negative[1:] != is_negative[:-1])])
+    starts = np.arange(0, len(block) - _WINDOW + 1, _HOP)
+    share: NDArray[np.floating] = (changes[starts + _WINDOW - 1] - changes[starts]) / _WINDOW
+    return share
 
 
 def _tuning(samples: NDArray[np.float32]) -> float:
     """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 if no pitch is found."""
-    from choreograph.music.cached_librosa import librosa
-
     n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP
-    pitches, strengths = [], []  # of all frames, where there is a pitch
+    parts = []  # frequencies and magnitudes of all peaks
     for block in frame_blocks(n_frames, _TUNING_BLOCK_FRAMES):
         span = _span(samples, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
-        pitch, strength = librosa.piptrack(
-            y=span, sr=SAMPLE_RATE_HZ, n_fft=_WINDOW, hop_length=_TUNING_HOP, center=False
-        )  # (F, T_b)
-        pitches.append(pitch[pitch > 0])
-        strengths.append(strength[pitch > 0])
-    pitched, strong = np.concatenate(pitches), np.concatenate(strengths)
-    if len(pitched) == 0:
+        parts.append(spectral_peaks(np.abs(_spectra(span, _TUNING_HOP)), _WINDOW))
+    pitches_hz, magnitudes = (np.concatenate(part) for part in zip(*parts, strict=True))
+    if len(pitches_hz) == 0:
         return 0.0
-    return float(librosa.pitch_tuning(pitched[strong >= np.median(strong)]))
+    return tuning_of(pitches_hz[magnitudes >= np.median(magnitudes)])
 
 
 def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:

@@ -1,6 +1,6 @@
-"""Phases of counts: the outputs and trunk of the networks that estimate counts, and the one for motion.
+"""The torch modules of the networks that estimate counts: their trunk, and the ones for motion and for music.
 
-`nets.music_counts` has the network for music.
+`nets.music_counts` estimates the beats of songs with the trained network for music.
 """
 
 from __future__ import annotations
@@ -20,17 +20,25 @@ from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.core.timebase import NET_FPS, frame_times_s
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.music.bar_pointer import (
-    METRES,
     DecodedCounts,
     PhaseCurves,
     PointerConfig,
     count_uncertainty,
     decode_counts,
 )
+from choreograph.music.mel import MEL_BANDS
 from choreograph.nets.configs import config_from_preset
+from choreograph.nets.inference import EPSILON
+from choreograph.nets.music_counts import (
+    KERNEL,
+    N_ACTIVATIONS,
+    N_OUTPUTS,
+    MusicCountsConfig,
+    curves_from,
+)
 from choreograph.nets.stored import StoredNet
 
-# Sizes and training lengths of both networks: `small` (two CPU cores) and `tiny` (tests).
+# Sizes and training lengths of the network for motion: `small` (two CPU cores) and `tiny` (tests).
 
 
 @dataclass(frozen=True)
@@ -72,60 +80,11 @@ def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
     return config_from_preset(_MOTION_PRESETS, preset, changes)
 
 
-@dataclass(frozen=True)
-class MusicCountsConfig:
-    """Sizes and training settings of the network for counts of music, stored with its weights."""
-
-    front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
-    width: int = 32  # channels of the trunk
-    n_blocks: int = 9  # of the trunk: a context of 34 s on either side
-    dropout: float = 0.1  # of the trunk
-    excerpt_s: float = 30.0  # length of a training sample
-    batch_size: int = 8  # samples of a step
-    steps: int = 900  # of the training
-    learning_rate: float = 3e-3  # at its highest
-    weight_decay: float = 1e-3  # of AdamW, or 0 for Adam
-    bar_weight: float = 1.0  # of the bar's phase, relative to the beat's
-    activation_weight: float = 1.0  # of the activations, relative to the phases
-
-
-_MUSIC_PRESETS = {
-    "small": MusicCountsConfig(),
-    "tiny": MusicCountsConfig((4, 4), 8, 4, excerpt_s=8.0, batch_size=4, steps=60),
-}
-
-
-def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsConfig:
-    """A preset with fields changed. Raises `ParameterError` for an unknown name or field."""
-    return config_from_preset(_MUSIC_PRESETS, preset, changes)
-
-
-# Phases in beat and bar, as the networks output them.
-#
-# For every frame, a network outputs a vector for the beat and one for the bar of each metre, in the form of
-# `music.bar_pointer.PhaseCurves`. The direction is the phase, and the length is the concentration. A vector v
-# gives a phase φ the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), so the network learns its confidence
-# with its phases. The vector of a metre that the take does not have should be 0, so the length of a vector
-# is evidence for its metre.
-
-
-N_OUTPUTS = 2 + 2 * len(METRES)  # of a network, per frame
-
-
-def curves_from(outputs: Tensor, fps: float) -> PhaseCurves:
-    """Phase curves from a network's outputs (N_OUTPUTS, T)."""
-    vectors = outputs.detach().cpu().double().numpy().reshape(1 + len(METRES), 2, -1)
-    return PhaseCurves(vectors[0].T, vectors[1:].transpose(2, 0, 1), fps)
-
-
 # The trunk of the two networks: residual blocks of dilated convolutions over time.
 #
 # It is that of temporal convolutional networks for beat tracking (Davies and Böck, *Temporal convolutional
 # networks for musical audio beat tracking*, 2019). The dilation doubles from block to block, so that a few
 # blocks have a context of many seconds on both sides of every frame. A take of any length is one input.
-
-
-KERNEL = 5
 
 
 class Trunk(nn.Module):
@@ -178,7 +137,7 @@ class _ChannelNorm(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         centred = x - x.mean(dim=1, keepdim=True)
-        deviation = torch.rsqrt(centred.square().mean(dim=1, keepdim=True) + 1e-5)
+        deviation = torch.rsqrt(centred.square().mean(dim=1, keepdim=True) + EPSILON)
         return centred * deviation * self.scale + self.shift
 
 
@@ -293,7 +252,7 @@ class MotionCountsNet(StoredNet):
         body = torch.from_numpy(interpolate_frames(pos_m, frames).astype(np.float32))[None]
         self.eval()
         with torch.no_grad():
-            curves = curves_from(self(body, torch.ones(body.shape[:2]))[0], NET_FPS)
+            curves = curves_from(self(body, torch.ones(body.shape[:2]))[0].numpy(), NET_FPS)
         back = np.arange(len(pos_m)) / tempo
         return PhaseCurves(
             interpolate_frames(curves.beat, back), interpolate_frames(curves.bar, back), NET_FPS
@@ -326,3 +285,35 @@ def _turned(vectors: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
     """Vectors (B, T, J, 3) turned about Y so that left is +X."""
     x, y, z = vectors.unbind(dim=-1)
     return torch.stack([cos * x + sin * z, y, cos * z - sin * x], dim=-1)
+
+
+# The network for music: small convolutions over bands and frames, and then the trunk.
+
+
+class MusicCountsNet(StoredNet):
+    """Log-mel at 60 fps to activations and phases at 30 fps, which `nets.music_counts.MusicCounts` uses."""
+
+    config_class = MusicCountsConfig
+
+    def __init__(self, config: MusicCountsConfig) -> None:
+        super().__init__()
+        self.config = config
+        first, second = config.front_channels
+        # (B, 1, T, 96) to (B, first, T / 2, 32), then a quarter of the bands.
+        self.front = nn.Sequential(
+            nn.Conv2d(1, first, (5, 5), stride=(2, 3), padding=(2, 1)),
+            nn.ELU(),
+            nn.MaxPool2d((1, 2)),
+            nn.Conv2d(first, second, (3, 3), padding=(1, 1)),
+            nn.ELU(),
+            nn.MaxPool2d((1, 2)),
+        )
+        self.trunk = Trunk(second * (MEL_BANDS // 12), config.width, config.n_blocks, config.dropout)
+        self.head = nn.Conv1d(config.width, N_ACTIVATIONS + N_OUTPUTS, 1)
+
+    def forward(self, mel: Tensor) -> tuple[Tensor, Tensor]:
+        """Normalised log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
+        (B, N_OUTPUTS, T / 2), as `nets.count_phases` has them."""
+        bands = self.front(mel[:, None]).transpose(2, 3).flatten(1, 2)  # (B, C * 8, T / 2)
+        curves = self.head(self.trunk(bands))
+        return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]

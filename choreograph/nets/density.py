@@ -23,8 +23,9 @@ from choreograph.core.timebase import CLIP_FRAMES, MUSIC_FPS, NET_FPS, SEGMENT_F
 from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 from choreograph.music.mel import MEL_BANDS
 from choreograph.nets.configs import HIDDEN_FRAMES, DensityConfig
+from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.stored import StoredNet
-from choreograph.nets.style import MEL_FRAMES, centred
+from choreograph.nets.style import centred
 
 BODY_DIM = 3 * len(BODY_JOINTS)
 _HOP_FRAMES = NET_FPS  # of the windows of a whole take

@@ -28,7 +28,8 @@ from choreograph.motion.body import mirrored
 from choreograph.music.beats import tempo_path_beats
 from choreograph.nets.configs import DensityConfig
 from choreograph.nets.density import MotionDecoder, MotionDensity, MusicDensity, standardised
-from choreograph.nets.style import MEL_FRAMES, centred, rotated_about_y
+from choreograph.nets.inference import MEL_FRAMES
+from choreograph.nets.style import centred, rotated_about_y
 from choreograph.nets.style_training import StyleTake, augment_mel
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
 

@@ -1,4 +1,4 @@
-"""`MusicCounts`, a network for the beats and bars of songs: the model, its weights, and beat tracking."""
+"""`MusicCounts`, a network for the beats and bars of songs: its inference, its weights, and beat tracking."""
 
 from __future__ import annotations
 
@@ -11,21 +11,37 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from torch import Tensor, nn
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS
-from choreograph.music.bar_pointer import PhaseCurves, PointerConfig, decode_counts
+from choreograph.music.bar_pointer import METRES, PhaseCurves, PointerConfig, decode_counts
 from choreograph.music.beats import level_normalized, onset_strength, path_of
 from choreograph.music.mel import MEL_BANDS
 from choreograph.music.song import Song
-from choreograph.nets.count_phases import N_OUTPUTS, MusicCountsConfig, Trunk, curves_from
-from choreograph.nets.stored import StoredNet
+from choreograph.nets.configs import config_from_preset
+from choreograph.nets.inference import EPSILON, Shapes, TrainedNet, conv1d, conv2d, elu, gelu, sigmoid
+
+# Phases in beat and bar, as the networks output them.
+#
+# For every frame, a network outputs a vector for the beat and one for the bar of each metre, in the form of
+# `music.bar_pointer.PhaseCurves`. The direction is the phase, and the length is the concentration. A vector v
+# gives a phase φ the von Mises density exp(v · u(φ)) / (2π I₀(|v|)), so the network learns its confidence
+# with its phases. The vector of a metre that the take does not have should be 0, so the length of a vector
+# is evidence for its metre.
+
+
+N_OUTPUTS = 2 + 2 * len(METRES)  # of a network, per frame
+
+
+def curves_from(outputs: NDArray[np.floating], fps: float) -> PhaseCurves:
+    """Phase curves from a network's outputs (N_OUTPUTS, T)."""
+    vectors = np.asarray(outputs, np.float64).reshape(1 + len(METRES), 2, -1)
+    return PhaseCurves(vectors[0].T, vectors[1:].transpose(2, 0, 1), fps)
+
 
 # `MusicCounts`: beats, downbeats and their phases from a song's log-mel, by a temporal convolution network.
 #
@@ -37,8 +53,37 @@ from choreograph.nets.stored import StoredNet
 
 CURVE_FPS = MUSIC_FPS // 2
 N_ACTIVATIONS = 2  # of beat and downbeat
+KERNEL = 5  # frames of a convolution of the trunk
 _RANGE = 12.0  # nats below the loudest band of a song that are kept: 52 dB
 _SCALE = 3.0  # nats: about the spread of a band
+
+
+@dataclass(frozen=True)
+class MusicCountsConfig:
+    """Sizes and training settings of the network for counts of music, stored with its weights."""
+
+    front_channels: tuple[int, int] = (8, 16)  # of the two convolutions over bands and frames
+    width: int = 32  # channels of the trunk
+    n_blocks: int = 9  # of the trunk: a context of 34 s on either side
+    dropout: float = 0.1  # of the trunk
+    excerpt_s: float = 30.0  # length of a training sample
+    batch_size: int = 8  # samples of a step
+    steps: int = 900  # of the training
+    learning_rate: float = 3e-3  # at its highest
+    weight_decay: float = 1e-3  # of AdamW, or 0 for Adam
+    bar_weight: float = 1.0  # of the bar's phase, relative to the beat's
+    activation_weight: float = 1.0  # of the activations, relative to the phases
+
+
+_MUSIC_PRESETS = {
+    "small": MusicCountsConfig(),
+    "tiny": MusicCountsConfig((4, 4), 8, 4, excerpt_s=8.0, batch_size=4, steps=60),
+}
+
+
+def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsConfig:
+    """A preset with fields changed. Raises `ParameterError` for an unknown name or field."""
+    return config_from_preset(_MUSIC_PRESETS, preset, changes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,33 +95,29 @@ class MusicCurves:
     phases: PhaseCurves  # of beat and bar
 
 
-class MusicCounts(StoredNet):
-    """Log-mel at 60 fps to activations and phases at 30 fps."""
+class MusicCounts(TrainedNet):
+    """The trained network `nets.count_phases.MusicCountsNet`: log-mel at 60 fps to curves at 30 fps."""
 
     config_class = MusicCountsConfig
 
-    def __init__(self, config: MusicCountsConfig) -> None:
-        super().__init__()
-        self.config = config
+    @staticmethod
+    def shapes(config: MusicCountsConfig) -> Shapes:
+        """The shapes of all weights."""
         first, second = config.front_channels
-        # (B, 1, T, 96) to (B, first, T / 2, 32), then a quarter of the bands.
-        self.front = nn.Sequential(
-            nn.Conv2d(1, first, (5, 5), stride=(2, 3), padding=(2, 1)),
-            nn.ELU(),
-            nn.MaxPool2d((1, 2)),
-            nn.Conv2d(first, second, (3, 3), padding=(1, 1)),
-            nn.ELU(),
-            nn.MaxPool2d((1, 2)),
-        )
-        self.trunk = Trunk(second * (MEL_BANDS // 12), config.width, config.n_blocks, config.dropout)
-        self.head = nn.Conv1d(config.width, N_ACTIVATIONS + N_OUTPUTS, 1)
-
-    def forward(self, mel: Tensor) -> tuple[Tensor, Tensor]:
-        """Normalised log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
-        (B, N_OUTPUTS, T / 2), as `nets.count_phases` has them."""
-        bands = self.front(mel[:, None]).transpose(2, 3).flatten(1, 2)  # (B, C * 8, T / 2)
-        curves = self.head(self.trunk(bands))
-        return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]
+        width = config.width
+        shapes: Shapes = {
+            "front.0.weight": (first, 1, 5, 5), "front.0.bias": (first,),
+            "front.3.weight": (second, first, 3, 3), "front.3.bias": (second,),
+            "trunk.into.weight": (width, second * (MEL_BANDS // 12), KERNEL), "trunk.into.bias": (width,),
+            "head.weight": (N_ACTIVATIONS + N_OUTPUTS, width, 1), "head.bias": (N_ACTIVATIONS + N_OUTPUTS,),
+            "trunk.norm.scale": (width, 1), "trunk.norm.shift": (width, 1),
+        }  # fmt: skip
+        for block in range(config.n_blocks):
+            name = f"trunk.blocks.{block}.layers"
+            shapes |= {f"{name}.0.scale": (width, 1), f"{name}.0.shift": (width, 1)}
+            shapes |= {f"{name}.1.weight": (width, width, KERNEL), f"{name}.1.bias": (width,)}
+            shapes |= {f"{name}.4.weight": (width, width, 1), f"{name}.4.bias": (width,)}
+        return shapes
 
     def curves(self, log_mel: NDArray[np.floating]) -> MusicCurves:
         """The curves of a whole song from its log-mel (T, 96). Raises `ParameterError` for another shape."""
@@ -84,11 +125,40 @@ class MusicCounts(StoredNet):
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
             raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {mel.shape}")
         even = np.pad(levelled(mel), ((0, len(mel) % 2), (0, 0)), mode="edge")
-        self.eval()
-        with torch.no_grad():
-            logits, vectors = self(torch.from_numpy(even)[None])
-        beat, downbeat = torch.sigmoid(logits[0]).numpy()
-        return MusicCurves(beat, downbeat, curves_from(vectors[0], CURVE_FPS))
+        outputs = conv1d(self._trunk(self._front(even)), self.weights, "head")[0].T
+        beat, downbeat = sigmoid(outputs[:N_ACTIVATIONS])
+        return MusicCurves(beat, downbeat, curves_from(outputs[N_ACTIVATIONS:], CURVE_FPS))
+
+    def _front(self, mel: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Features (1, T / 2, C * 8) of normalised log-mel (T, 96)."""
+        x = elu(conv2d(mel[None, None], self.weights, "front.0", stride=(2, 3), padding=(2, 1)))
+        x = elu(conv2d(_halved(x), self.weights, "front.3", stride=(1, 1), padding=(1, 1)))
+        x = _halved(x)  # (1, C, T / 2, 8)
+        return x.transpose(0, 2, 1, 3).reshape(1, x.shape[2], -1)
+
+    def _trunk(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Features (1, T, width) with a context of many seconds, of features (1, T, F)."""
+        weights = self.weights
+        x = conv1d(x, weights, "trunk.into")
+        for block in range(self.config.n_blocks):
+            name = f"trunk.blocks.{block}.layers"
+            y = conv1d(self._normal(x, f"{name}.0"), weights, f"{name}.1", dilation=2**block)
+            x = x + conv1d(gelu(y), weights, f"{name}.4")
+        return self._normal(x, "trunk.norm")
+
+    def _normal(self, x: NDArray[np.float32], name: str) -> NDArray[np.float32]:
+        """Each frame of (B, T, C) with mean 0 and variance 1 over its channels, scaled and shifted."""
+        centred = x - x.mean(axis=2, keepdims=True)
+        variance = np.square(centred).mean(axis=2, keepdims=True)
+        deviation = np.sqrt(variance + np.float32(EPSILON))
+        scale, shift = self.weights[f"{name}.scale"][:, 0], self.weights[f"{name}.shift"][:, 0]
+        normal: NDArray[np.float32] = centred / deviation * scale + shift
+        return normal
+
+
+def _halved(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The larger of every two neighbouring bands of (B, C, T, bands)."""
+    return np.maximum(x[..., ::2], x[..., 1::2])
 
 
 def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import default_numerics, torch_imported
 from choreograph.motion.body import body_indices
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.configs import check_fields
+
+torch_imported()
 
 # Conversion of networks to arrays and back, and inference in batches.
 

@@ -19,15 +19,14 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.nn import functional
 
-from choreograph.core.errors import ParameterError
-from choreograph.core.timebase import MUSIC_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.core.timebase import SEGMENT_FRAMES
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, checked_body_pos_m
 from choreograph.music.mel import MEL_BANDS
-from choreograph.music.rhythm import RHYTHM_DIM, RHYTHM_FPS
+from choreograph.music.rhythm import RHYTHM_DIM
 from choreograph.nets.configs import STYLE_DIM, StyleConfig
+from choreograph.nets.inference import SongStyle
 from choreograph.nets.stored import StoredNet
 
-MEL_FRAMES = SEGMENT_S * MUSIC_FPS
 _GRAPH_STRIDES = (2, 2, 1, 1)  # 80 motion frames to 20 steps of the GRU
 _LEFT_HIP, _RIGHT_HIP = BODY_JOINTS.index("left_hip"), BODY_JOINTS.index("right_hip")
 
@@ -145,27 +144,9 @@ class StyleNets(StoredNet):
     ) -> NDArray[np.float32]:
         """Style vectors (N, 32) of the 4 s segments of a song from whole seconds `starts_s` (N,).
 
-        `log_mel` (T, 96) at 60 fps and `rhythm` (M, RHYTHM_DIM) at 2 fps begin at the same time. The song is
-        padded with silence.
+        Arguments and errors are those of `inference.SongStyle.embed_music`.
         """
-        log_mel, rhythm = np.asarray(log_mel, np.float32), np.asarray(rhythm, np.float32)
-        if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or rhythm.shape[1:] != (RHYTHM_DIM,):
-            raise ParameterError(
-                f"expected log-mel (T, {MEL_BANDS}) and rhythm (M, {RHYTHM_DIM}), "
-                f"got {log_mel.shape} and {rhythm.shape}"
-            )
-        padded = np.pad(log_mel, ((0, MEL_FRAMES), (0, 0)), constant_values=float(log_mel.min()))
-        starts = np.asarray(starts_s, np.int64)
-        frames = np.minimum(starts * MUSIC_FPS, len(log_mel))
-        rows = np.minimum((starts + SEGMENT_S // 2) * RHYTHM_FPS, len(rhythm) - 1)
-        return self._in_batches(
-            len(starts),
-            lambda part: self.style_of_music(
-                torch.from_numpy(padded[frames[part, None] + np.arange(MEL_FRAMES)]),
-                torch.from_numpy(rhythm[rows[part]]),
-            ),
-            STYLE_DIM,
-        )
+        return self._of_songs().embed_music(log_mel, rhythm, starts_s)
 
     def embed_motion(
         self, body_pos_m: NDArray[np.floating], start_frames: NDArray[np.integer]
@@ -185,8 +166,10 @@ class StyleNets(StoredNet):
 
     def predict_beat_count(self, music_style: NDArray[np.floating]) -> NDArray[np.float32]:
         """Motion beats expected in each 4 s segment, (N,), from music styles (N, 32)."""
-        styles = np.asarray(music_style, np.float32)
-        return self._in_batches(len(styles), lambda part: self.beat_count(torch.from_numpy(styles[part])))
+        return self._of_songs().predict_beat_count(music_style)
+
+    def _of_songs(self) -> SongStyle:
+        return SongStyle.from_arrays(*self.to_arrays())
 
 
 def centred(body_pos_m: NDArray[np.floating]) -> NDArray[np.float32]:

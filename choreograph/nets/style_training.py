@@ -19,7 +19,8 @@ from choreograph.motion.body import mirrored
 from choreograph.music.mel import N_BANDS
 from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
 from choreograph.nets.configs import StyleConfig
-from choreograph.nets.style import MEL_FRAMES, StyleNets, centred, rotated_about_y
+from choreograph.nets.inference import MEL_FRAMES
+from choreograph.nets.style import StyleNets, centred, rotated_about_y
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
 
 # Augmentation of the training samples: other recordings of a song, and other bodies for a dance.

@@ -18,6 +18,7 @@ from choreograph.core.numerics import Floats, Indices, frame_weights, interpolat
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.motion.body import BODY_JOINTS, mirrored
 from choreograph.nets.configs import WORD_DIM, WordConfig
+from choreograph.nets.inference import WordEmbedder
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 
@@ -79,14 +80,7 @@ class WordNet(StoredNet):
 
     def embed(self, words_m: NDArray[np.floating]) -> NDArray[np.float32]:
         """Embeddings (N, 184) of words (N, 13, 21, 3). Raises `ParameterError` for another shape or nan."""
-        words = np.asarray(words_m, np.float32)
-        if words.shape[1:] != (WORD_FRAMES, len(BODY_JOINTS), 3):
-            raise ParameterError(
-                f"expected motion words (N, {WORD_FRAMES}, {len(BODY_JOINTS)}, 3), got {words.shape}"
-            )
-        if not np.isfinite(words).all():
-            raise ParameterError("expected finite motion words, got nan or infinity")
-        return self._in_batches(len(words), lambda part: self(torch.from_numpy(words[part])), WORD_DIM)
+        return WordEmbedder.from_arrays(*self.to_arrays()).embed(words_m)
 
 
 def clips_to_root_frame(body: Tensor) -> Tensor:

@@ -11,7 +11,8 @@ from synthetic_counts import counted
 
 from choreograph.core.counts import Counts
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import N_OUTPUTS, Trunk, curves_from
+from choreograph.nets.count_phases import Trunk
+from choreograph.nets.music_counts import N_OUTPUTS, curves_from
 from content.counted_phases import PhaseTargets, phase_loss, phases_at
 
 
@@ -73,7 +74,7 @@ def test_unknown_frames_do_not_count():
 
 def test_outputs_become_curves():
     position = np.arange(40) / 10
-    curves = curves_from(outputs_for(position, 4, 2.0)[0], 20.0)
+    curves = curves_from(outputs_for(position, 4, 2.0)[0].numpy(), 20.0)
     assert curves.beat.shape == (40, 2) and curves.bar.shape == (40, 2, 2) and curves.fps == 20.0
     np.testing.assert_allclose(
         np.arctan2(curves.beat[:, 1], curves.beat[:, 0])[1], 2 * np.pi * 0.1, atol=1e-6

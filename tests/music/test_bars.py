@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
+from choreograph.music import bars
 from choreograph.music.bars import ACCENT_NAMES, REPEAT_NAMES, beat_evidence, best_bars, track_bars
 from choreograph.music.beats import tempo_path_beats
+from choreograph.music.cached_librosa import librosa
 from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS
@@ -213,3 +215,12 @@ def test_metre_of_real_ballroom_songs(shared_data):
         counts = track_bars(song.samples, mel, beats_s[beats_s < song.duration_s])
         right += counts.metre == (3 if name[0] == "W" else 4)
     assert right >= len(names) - 1
+
+
+def test_the_most_probable_path_is_librosas():
+    observed = np.random.default_rng(5).random((200, 25))
+    transition = bars._transition()
+    states, score = bars._most_probable_path(observed, transition)
+    theirs, probability = librosa.sequence.viterbi(observed.T.copy(), transition, return_logp=True)
+    np.testing.assert_array_equal(states, theirs)
+    assert score == pytest.approx(float(np.squeeze(probability)))

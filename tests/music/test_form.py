@@ -8,6 +8,8 @@ import pytest
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
+from choreograph.music import form
+from choreograph.music.cached_librosa import librosa
 from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
 from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
 from content.songs.known_forms import HELD_OUT_FORMS
@@ -72,3 +74,10 @@ def test_repeats_and_borders_of_held_out_songs(song):
     assert repeat_f(ids_of(form, audio.counts.times_s), audio.ids) >= 0.9
     starts_s = [phrase.start_s for phrase in form.phrases[1:]]
     np.testing.assert_allclose(starts_s, audio.borders_s)
+
+
+@pytest.mark.parametrize("n_parts", [1, 2, 9, 60])
+def test_neighbours_are_merged_as_librosas_segmentation_merges_them(n_parts):
+    rows = np.random.default_rng(n_parts).normal(size=(60, 20))
+    theirs = np.unique(librosa.segment.agglomerative(rows.T, n_parts))
+    np.testing.assert_array_equal(form._merged(rows, n_parts), theirs)

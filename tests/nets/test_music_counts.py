@@ -18,7 +18,7 @@ from choreograph.music.mel import log_mel
 from choreograph.music.song import Song, load_song
 from choreograph.music.synthesis.song import render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.nets.count_phases import music_counts_config
+from choreograph.nets.count_phases import MusicCountsNet
 from choreograph.nets.music_counts import (
     CURVE_FPS,
     SHIPPED,
@@ -29,6 +29,7 @@ from choreograph.nets.music_counts import (
     at_one_level,
     decoded_beats,
     levelled,
+    music_counts_config,
     network_beats,
     read_music_counts,
     shipped_music_counts,
@@ -46,6 +47,10 @@ from content.music_counting import (
 from content.songs.training_songs import FIRST_UNSEEN_SEED
 
 TINY = music_counts_config("tiny")
+
+
+def untrained() -> MusicCounts:
+    return MusicCounts.from_arrays(*MusicCountsNet(TINY).to_arrays())
 
 
 def clicks(bpm: float = 120.0, metre: int = 4, duration_s: float = 20.0, first_s: float = 0.5) -> CountedMel:
@@ -176,7 +181,7 @@ def test_sure_phases_are_followed_and_else_the_activation(concentration, bpm):
 
 @pytest.mark.parametrize("n_frames", [1, 2, 61, 600])
 def test_curves_of_any_length_have_half_the_rate(n_frames):
-    net = MusicCounts(TINY).eval()
+    net = untrained()
     curves = net.curves(clicks().log_mel[:n_frames])
     assert len(curves.beat) == len(curves.downbeat) == len(curves.phases.beat) == (n_frames + 1) // 2
 
@@ -184,24 +189,24 @@ def test_curves_of_any_length_have_half_the_rate(n_frames):
 @pytest.mark.parametrize("mel", [np.zeros((10, 4)), np.zeros((0, 96)), np.zeros(96)])
 def test_another_shape_is_refused(mel):
     with pytest.raises(ParameterError, match="log-mel"):
-        MusicCounts(TINY).curves(mel)
+        untrained().curves(mel)
 
 
 @pytest.mark.parametrize("n_frames", [30, 600])
 def test_silence_has_no_counts(n_frames):
     song = Song(np.zeros(n_frames * SAMPLE_RATE_HZ // 60, np.float32), "silence")
-    assert NetworkBeats(MusicCounts(TINY)).beats(song, np.full((n_frames, 96), -13.8)).shape == (0,)
+    assert NetworkBeats(untrained()).beats(song, np.full((n_frames, 96), -13.8)).shape == (0,)
 
 
 def test_beats_lie_inside_the_song():
     mel = clicks(duration_s=8.0).log_mel
     song = Song(np.zeros(round(7.5 * SAMPLE_RATE_HZ), np.float32), "short")
-    beats_s = NetworkBeats(MusicCounts(TINY)).beats(song, mel)
+    beats_s = NetworkBeats(untrained()).beats(song, mel)
     assert len(beats_s) and (np.diff(beats_s) > 0).all() and beats_s[0] >= 0 and beats_s[-1] < 7.5
 
 
 def test_weights_come_back_in_half_precision_with_their_training_songs(tmp_path):
-    net = MusicCounts(TINY).eval()
+    net = untrained()
     write_music_counts(tmp_path / "net.npz", net, {"songs": 3})
     again, about = read_music_counts(tmp_path / "net.npz")
     assert about == {"songs": 3} and again.config == TINY

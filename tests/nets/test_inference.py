@@ -1,0 +1,120 @@
+"""Inference in NumPy: it agrees with the torch modules whose weights it reads, and refuses other weights."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from choreograph.core.errors import ParameterError
+from choreograph.music.rhythm import RHYTHM_DIM
+from choreograph.nets.configs import style_config, word_config
+from choreograph.nets.count_phases import MusicCountsNet
+from choreograph.nets.inference import MEL_FRAMES, SongStyle, WordEmbedder
+from choreograph.nets.music_counts import MusicCounts, levelled, music_counts_config
+from choreograph.nets.style import StyleNets
+from choreograph.nets.words import WordNet
+
+RNG = np.random.default_rng(0)
+
+
+def trained(net):
+    """The network with random statistics of a training, which its initial ones would not test."""
+    generator = torch.Generator().manual_seed(0)
+    for buffer in net.buffers():
+        if buffer.is_floating_point():
+            buffer.copy_(0.5 + torch.rand(buffer.shape, generator=generator))
+    for parameter in net.parameters():  # some layers start at zero
+        parameter.data += 0.05 * torch.randn(parameter.shape, generator=generator)
+    return net.eval()
+
+
+def assert_equal_to_rounding(found, expected):
+    assert found.dtype == np.float32 and found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("preset", ["small", "tiny"])
+@pytest.mark.parametrize("n_frames", [2, 61, 1500])
+def test_the_curves_of_a_song_are_those_of_torch(preset, n_frames):
+    module = trained(MusicCountsNet(music_counts_config(preset)))
+    mel = RNG.normal(-6, 2, (n_frames, 96)).astype(np.float32)
+    curves = MusicCounts.from_arrays(*module.to_arrays()).curves(mel)
+    even = np.pad(levelled(mel), ((0, n_frames % 2), (0, 0)), mode="edge")
+    with torch.no_grad():
+        logits, vectors = module(torch.from_numpy(even)[None])
+    assert_equal_to_rounding(np.stack([curves.beat, curves.downbeat]), torch.sigmoid(logits[0]).numpy())
+    found = np.concatenate([curves.phases.beat.T, *curves.phases.bar.transpose(1, 2, 0)])
+    assert_equal_to_rounding(found.astype(np.float32), vectors[0].numpy())
+
+
+@pytest.mark.parametrize("normalised", [True, False])
+@pytest.mark.parametrize("music_inputs", ["mel", "counts", "mel+counts"])
+def test_the_style_of_a_song_and_its_expected_beats_are_those_of_torch(music_inputs, normalised):
+    config = style_config("small", music_inputs=music_inputs, normalised=normalised)
+    module = trained(StyleNets(config))
+    mel = RNG.normal(-6, 2, (600, 96)).astype(np.float32)
+    rhythm = RNG.normal(size=(20, RHYTHM_DIM)).astype(np.float32)
+    starts_s = np.arange(4)
+    net = SongStyle.from_arrays(*module.to_arrays())
+    style = net.embed_music(mel, rhythm, starts_s)
+    segments = mel[starts_s[:, None] * 60 + np.arange(MEL_FRAMES)]
+    with torch.no_grad():
+        expected = module.style_of_music(
+            torch.from_numpy(segments), torch.from_numpy(rhythm[2 * starts_s + 4])
+        )
+        counts = module.beat_count(expected)
+    assert_equal_to_rounding(style, expected.numpy())
+    assert_equal_to_rounding(net.predict_beat_count(expected.numpy()), counts.numpy())
+
+
+@pytest.mark.parametrize("preset", ["small", "tiny"])
+@pytest.mark.parametrize("n_words", [0, 1, 130])
+def test_embeddings_of_words_are_those_of_torch(preset, n_words):
+    module = trained(WordNet(word_config(preset)))
+    words = RNG.normal(size=(n_words, 13, 21, 3)).astype(np.float32)
+    with torch.no_grad():
+        expected = module(torch.from_numpy(words)).numpy()
+    if n_words:
+        assert_equal_to_rounding(WordEmbedder.from_arrays(*module.to_arrays()).embed(words), expected)
+    else:
+        assert WordEmbedder.from_arrays(*module.to_arrays()).embed(words).shape == (0, 184)
+
+
+@pytest.mark.parametrize(
+    ("net", "module"),
+    [
+        (MusicCounts, MusicCountsNet(music_counts_config("tiny"))),
+        (SongStyle, StyleNets(style_config("tiny", music_inputs="mel+counts"))),
+        (WordEmbedder, WordNet(word_config("tiny"))),
+    ],
+)
+def test_weights_of_another_shape_are_refused(net, module):
+    arrays, config = module.to_arrays()
+    used = net.shapes(module.config)
+    assert used.items() <= {name: array.shape for name, array in arrays.items()}.items()
+    stored, same = net.from_arrays(arrays, config).to_arrays()
+    assert same == config and set(stored) == set(used)
+    for name in used:
+        for damaged in ({**arrays, name: np.zeros((3, 5))}, {k: v for k, v in arrays.items() if k != name}):
+            with pytest.raises(ParameterError, match=f"weights of the {net.__name__}"):
+                net.from_arrays(damaged, config)
+
+
+def test_torch_imported_within_a_dance_has_one_thread_until_its_end():
+    from choreograph.core.numerics import one_thread, torch_imported
+
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(2)
+        with one_thread():
+            torch.set_num_threads(3)  # as if torch were imported here
+            with one_thread():
+                torch_imported()
+                assert torch.get_num_threads() == 1
+            assert torch.get_num_threads() == 1
+        assert torch.get_num_threads() == 2
+        torch_imported()
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
