@@ -158,6 +158,10 @@ class DanceConfig:
     """Where the beats of the song come from: the tracker "network", "tempo-path", "librosa" or "beat-this",
     or the path of a file of beats. Use a file where no tracker is right. Used by all engines."""
 
+    cache: bool = True
+    """Whether the analysis of the song is kept in the cache of the user, and read from there if there is one.
+    The dance is the same. The variable CHOREOGRAPH_CACHE names another folder. Used by all engines."""
+
     weights: Mapping[str, float] = field(default_factory=dict)
     """Weights of costs by name, in place of the defaults. 0 leaves a cost out. A cost of your own has the
     weight 1 unless it is named here. A cost of another package takes part if it is named here. Used by the
@@ -201,6 +205,7 @@ class DanceSettings(TypedDict, total=False):
     fps: float
     seed: int
     beats: str | Path
+    cache: bool
     weights: Mapping[str, float]
 
 

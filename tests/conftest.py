@@ -13,11 +13,13 @@ import pytest
 from hypothesis import settings
 
 # Tests run in several processes: one thread each, or they fight for the cores. All share the kernels that one
-# of them compiled. Set before anything imports numpy.
+# of them compiled, and the analyses of songs. Set before anything imports numpy.
 if "PYTEST_XDIST_WORKER" in os.environ:
     for threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(threads, "1")
-os.environ.setdefault("NUMBA_CACHE_DIR", str(Path(__file__).resolve().parents[1] / ".pytest_cache" / "numba"))
+_CACHE = Path(__file__).resolve().parents[1] / ".pytest_cache"
+os.environ.setdefault("NUMBA_CACHE_DIR", str(_CACHE / "numba"))
+os.environ.setdefault("CHOREOGRAPH_CACHE", str(_CACHE / "choreograph"))
 
 # Property tests check what a law says, not how long it takes on a loaded machine.
 settings.register_profile("choreograph", deadline=None)

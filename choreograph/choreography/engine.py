@@ -32,7 +32,7 @@ BUILTIN_ENGINES = {
     "mixer": "choreograph.choreography.mixer.engine:MixerEngine",
     "rollout": "choreograph.choreography.rollout.engine:RolloutEngine",
 }
-COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats"})  # that every engine uses
+COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats", "cache"})  # that every engine uses
 
 
 @dataclass(frozen=True, eq=False)

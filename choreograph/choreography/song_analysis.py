@@ -18,11 +18,12 @@ from choreograph.choreography.genres import (
     rhythm_losses,
     style_losses,
 )
+from choreograph.choreography.kept_analysis import kept_analysis
 from choreograph.core.counts import Counts
 from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
+from choreograph.library.songs import DEFAULT_BEATS, check_beats, names_a_tracker, song_counts
 from choreograph.music.danced_span import dance_span_s
 from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
 from choreograph.music.mel import log_mel, onset_density
@@ -54,6 +55,7 @@ def analyse_song(
     *,
     beats: str | Path = DEFAULT_BEATS,
     genre: str | None = None,
+    keep: bool = False,
     report: StepReport | None = None,
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
@@ -63,7 +65,24 @@ def analyse_song(
     takes of `genre`, or else if a genre that suits the song is danced at that tempo. Without style networks,
     all style vectors are zero. Raises `ParameterError` for an unknown tracker and `FormatError` for a file
     that cannot be read.
+
+    With `keep`, the analysis is read from the cache of the user, or else it is made and written there.
     """
+    check_beats(beats)
+    if keep:
+        analysis = kept_analysis(
+            song, repertoire, beats, genre, lambda: _analysis(song, repertoire, beats, genre, report)
+        )
+    else:
+        analysis = _analysis(song, repertoire, beats, genre, report)
+    if report is not None:
+        report(_STEPS, _STEPS)
+    return analysis
+
+
+def _analysis(
+    song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None, report: StepReport | None
+) -> tuple[SongFeatures, tuple[str, ...]]:
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
     mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
@@ -102,8 +121,6 @@ def analyse_song(
         off_beat_share(rhythm),
         form,
     )
-    if report is not None:
-        report(_STEPS, _STEPS)
     return features, tuple(notes)
 
 

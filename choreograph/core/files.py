@@ -1,4 +1,4 @@
-"""Writes files atomically and never over an input, reads files from untrusted sources, locks work folders."""
+"""Writes files atomically and never over an input, reads files from untrusted sources, finds folders."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import os
 import platform
 import re
 import stat
+import tempfile
 import uuid
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -346,3 +347,43 @@ def _held_message(folder: Path) -> str:
     except (OSError, ValueError, KeyError, TypeError):  # the process has just begun or ended
         who = "another process"
     return f"expected {folder} to be free, got one in use: {who}: wait for it, end it, or write elsewhere"
+
+
+# Folders for files that are made again if they are missing: compiled code and analyses of songs.
+
+
+def cache_folder(name: str, given: str = "") -> tuple[Path | None, str]:
+    """A folder of this name in the user's cache, and why a better place cannot be used, or "".
+
+    The places are the folder `given` or that of the variable CHOREOGRAPH_CACHE, else the cache folder of the
+    user, and then the temporary folder. The result is None if no place can be used. Nobody else may be able
+    to write there, since the files are trusted.
+    """
+    from platformdirs import user_cache_path
+
+    given = given or os.environ.get("CHOREOGRAPH_CACHE", "")
+    bases = [Path(given) if given else user_cache_path("choreograph", appauthor=False)]
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    with suppress(FileNotFoundError):  # no temporary folder can be written
+        bases.append(Path(tempfile.gettempdir()) / f"choreograph-{user}")
+    refused: list[str] = []
+    for base in bases:
+        why_not = _why_unusable(base, base / name)
+        if why_not is None:
+            return base / name, "".join(refused[:1])
+        refused.append(f"{base} cannot be used ({why_not})")
+    return None, refused[0]
+
+
+def _why_unusable(base: Path, folder: Path) -> str | None:
+    if not base.is_absolute():
+        return "no home folder"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+        owners = {path.stat().st_uid for path in (base, folder)}
+    except OSError as error:
+        return error.strerror or str(error)
+    if hasattr(os, "getuid") and not owners <= {os.getuid(), 0}:
+        return "it belongs to another user"
+    return None

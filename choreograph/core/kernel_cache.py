@@ -21,10 +21,9 @@ import inspect
 import logging
 import os
 import pickle
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar
@@ -33,7 +32,7 @@ import numba
 
 from choreograph.core import __version__
 from choreograph.core.errors import ChoreographError
-from choreograph.core.files import atomic_path
+from choreograph.core.files import atomic_path, cache_folder
 
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
@@ -294,44 +293,13 @@ def _lock_of(process: int) -> _Lock:
 @lru_cache(maxsize=1)
 def _folder() -> Path | None:
     """This version's folder in the user's cache, else in the temporary folder, or None if both fail."""
-    name = f"kernels-{__version__}-numba-{numba.__version__}"
-    refused: list[str] = []
-    for base in _bases():
-        why_not = _why_unusable(base, base / name)
-        if why_not is None:
-            if refused:
-                _note_once(f"compiled code is kept in {base}: {refused[0]}")
-            return base / name
-        refused.append(f"{base} cannot be used ({why_not})")
-    _note_once(f"compiled code is not kept, every run compiles it again: {refused[0]}")
-    return None
-
-
-def _bases() -> list[Path]:
-    """The folders for entries, best first."""
-    from platformdirs import user_cache_path
-
     given = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR
-    bases = [Path(given) if given else user_cache_path("choreograph", appauthor=False)]
-    user = os.getuid() if hasattr(os, "getuid") else "user"
-    with suppress(FileNotFoundError):  # no temporary folder can be written
-        bases.append(Path(tempfile.gettempdir()) / f"choreograph-{user}")
-    return bases
-
-
-def _why_unusable(base: Path, folder: Path) -> str | None:
-    """Why entries cannot be kept in a folder. They are code, so nobody else may be able to write there."""
-    if not base.is_absolute():
-        return "no home folder"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=folder).close()
-        owners = {path.stat().st_uid for path in (base, folder)}
-    except OSError as error:
-        return error.strerror or str(error)
-    if hasattr(os, "getuid") and not owners <= {os.getuid(), 0}:
-        return "it belongs to another user"
-    return None
+    folder, why_not = cache_folder(f"kernels-{__version__}-numba-{numba.__version__}", given)
+    if folder is None:
+        _note_once(f"compiled code is not kept, every run compiles it again: {why_not}")
+    elif why_not:
+        _note_once(f"compiled code is kept in {folder.parent}: {why_not}")
+    return folder
 
 
 @lru_cache

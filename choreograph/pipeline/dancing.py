@@ -298,7 +298,7 @@ def _danced(
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
-        song, repertoire, beats=config.beats, genre=requested.genre,
+        song, repertoire, beats=config.beats, genre=requested.genre, keep=config.cache,
         report=substage(report, "analysing the song"),
     )  # fmt: skip
     material = choose_material(song_features, repertoire, requested)

@@ -138,7 +138,8 @@ def test_without_a_home_kernels_are_kept_in_the_temporary_folder(start, tmp_path
     blocked.touch()
     temporary = tmp_path / "tmp"
     temporary.mkdir()
-    nowhere = {"NUMBA_CACHE_DIR": None, "HOME": str(blocked), "XDG_CACHE_HOME": None}
+    own = dict.fromkeys(("NUMBA_CACHE_DIR", "CHOREOGRAPH_CACHE", "XDG_CACHE_HOME"))
+    nowhere = {**own, "HOME": str(blocked)}
     out, err = _finished(start(**nowhere, TMPDIR=str(temporary)))
     assert out == "0 hits\n"
     assert err.startswith("note: compiled code is kept in ") and err.count("\n") == 1, err

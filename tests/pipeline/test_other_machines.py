@@ -19,7 +19,7 @@ import sys
 import choreograph as cg
 song = cg.load_song(cg.example_songs()["house"], duration_s=14.0)
 for engine in sys.argv[2:]:
-    made = cg.dance(song, engine=engine)
+    made = cg.dance(song, engine=engine, cache=False)
     for kind in ("json", "npz", "bvh"):
         made.save(f"{sys.argv[1]}/{engine}.{kind}")
 """

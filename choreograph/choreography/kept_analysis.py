@@ -1,0 +1,163 @@
+"""Analyses of songs, kept in the user's cache, so that another dance to a song does not analyse it again.
+
+An entry is one file, whose name is a digest of everything that the analysis depends on: the samples, the
+repertoire, the options, and the program itself. It holds arrays and JSON, and nothing that is executed. It is
+written at once, and read only if its checksum is right. The entries that were not used for the longest time
+are removed when all entries exceed `MAX_BYTES`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import logging
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from choreograph.core.counts import Counts
+from choreograph.core.errors import ChoreographError
+from choreograph.core.files import atomic_path, cache_folder, sha256_of
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import names_a_tracker
+from choreograph.music.form import Form, Phrase, Sections
+from choreograph.music.song import Song
+from choreograph.music.song_features import SongFeatures
+
+Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
+
+MAX_BYTES = 64 << 20  # of all entries: about 600 songs of three minutes
+_DIGEST_BYTES = 32
+_ARRAYS = ("style", "beat_count", "density", "energy", "onset_density")
+_NUMBERS = ("duration_s", "opening_s", "closing_s", "off_beat")
+_log = logging.getLogger("choreograph")
+
+
+def kept_analysis(
+    song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None, analyse: Callable[[], Analysis]
+) -> Analysis:
+    """The analysis of a song from the cache. If there is none, it is made by `analyse` and written there."""
+    folder, why_not = cache_folder("analyses")
+    if folder is None:
+        _log.warning("the analysis of the song is not kept: %s", why_not)
+        return analyse()
+    path = folder / f"{_key(song, repertoire, beats, genre)}.npz"
+    kept = _read(path)
+    if kept is not None:
+        return kept
+    content = to_bytes(analyse())
+    try:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(hashlib.sha256(content).digest() + content)
+    except ChoreographError as error:
+        _log.warning("the analysis of the song is not kept: %s", error)
+    _remove_oldest(folder)
+    return from_bytes(content)  # what is read from the file later
+
+
+def _key(song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None) -> str:
+    """A digest of everything that an analysis depends on."""
+    tracker = str(beats) if names_a_tracker(beats) else sha256_of(beats)
+    file = repertoire.path.stat()
+    made_of = [
+        *(_program(), _repertoire_digest(repertoire.path, file.st_size, file.st_mtime_ns)),
+        *(song.name, song.notes, song.start_s, tracker, genre),
+    ]
+    digest = hashlib.sha256(json.dumps(made_of).encode())
+    digest.update(np.ascontiguousarray(song.samples).data)
+    return digest.hexdigest()[: 2 * _DIGEST_BYTES]
+
+
+@lru_cache(maxsize=1)
+def _program() -> list[str]:
+    """The program's sources, and the libraries that compute."""
+    folder = Path(__file__).parents[1]
+    sources = hashlib.sha256()
+    for path in sorted(folder.rglob("*.py")):
+        sources.update(path.read_bytes())
+    return [sources.hexdigest(), np.__version__, scipy.__version__]
+
+
+@lru_cache(maxsize=8)
+def _repertoire_digest(path: Path, size: int, mtime_ns: int) -> str:
+    return sha256_of(path)
+
+
+def _read(path: Path) -> Analysis | None:
+    """The analysis in a file, or None if there is none, or a damaged one."""
+    try:
+        stored = path.read_bytes()
+    except OSError:
+        return None
+    digest, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
+    if hashlib.sha256(content).digest() != digest:
+        _log.warning("the kept analysis of the song was damaged: it is analysed again")
+        return None
+    with suppress(OSError):
+        os.utime(path)  # used now
+    return from_bytes(content)
+
+
+def _remove_oldest(folder: Path) -> None:
+    """Remove entries until all have at most `MAX_BYTES`. Another process may remove them, too."""
+    entries = []
+    for path in folder.glob("*.npz"):
+        with suppress(OSError):
+            found = path.stat()
+            entries.append((found.st_mtime_ns, found.st_size, path))
+    n_bytes = 0
+    for _, size, path in sorted(entries, reverse=True):
+        n_bytes += size
+        if n_bytes > MAX_BYTES:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def to_bytes(analysis: Analysis) -> bytes:
+    """An analysis as the content of an .npz file."""
+    features, notes = analysis
+    counts, sections = features.counts, features.sections
+    about: dict[str, Any] = {
+        "name": features.name,
+        **{name: float(getattr(features, name)) for name in _NUMBERS},
+        "counts": [counts.metre, counts.source, counts.confidence],
+        "phrases": [asdict(phrase) for phrase in features.form.phrases],
+        "notes": notes,
+    }
+    content = io.BytesIO()
+    np.savez(
+        content,
+        about=np.array(json.dumps(about)),
+        times_s=counts.times_s,
+        numbers=counts.numbers,
+        uncertainty=counts.uncertainty,
+        bounds_s=sections.bounds_s,
+        labels=sections.labels,
+        **{name: getattr(features, name) for name in _ARRAYS},
+    )
+    return content.getvalue()
+
+
+def from_bytes(content: bytes) -> Analysis:
+    """The analysis of `to_bytes`."""
+    with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    about = json.loads(str(arrays["about"]))
+    metre, source, confidence = about["counts"]
+    features = SongFeatures(
+        name=about["name"],
+        counts=Counts(arrays["times_s"], arrays["numbers"], metre, source, confidence, arrays["uncertainty"]),
+        sections=Sections(arrays["bounds_s"], arrays["labels"]),
+        form=Form(tuple(Phrase(**phrase) for phrase in about["phrases"])),
+        **{name: arrays[name] for name in _ARRAYS},
+        **{name: about[name] for name in _NUMBERS},
+    )
+    return features, tuple(about["notes"])

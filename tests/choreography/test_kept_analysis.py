@@ -1,0 +1,142 @@
+"""Kept analyses: the same dance, other keys, damaged entries, two processes at once, a bound in bytes."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import choreograph as cg
+from choreograph.choreography import kept_analysis, song_analysis
+from choreograph.choreography.song_analysis import analyse_song
+
+STARTER = cg.starter_repertoire()
+SONG = cg.load_song(cg.example_songs()["house"], duration_s=9.0)
+
+
+@pytest.fixture(scope="module")
+def analysed():
+    return analyse_song(SONG, STARTER)
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("CHOREOGRAPH_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "analyses"
+
+
+@pytest.fixture
+def made(monkeypatch, analysed):
+    """The number of analyses that were made rather than read."""
+    calls = []
+
+    def analysis(*arguments):
+        calls.append(arguments)
+        return analysed
+
+    monkeypatch.setattr(song_analysis, "_analysis", analysis)
+    return calls
+
+
+def flat(value):
+    """A nested dataclass as bytes and plain values."""
+    if isinstance(value, np.ndarray):
+        return str(value.dtype), value.shape, value.tobytes()
+    if dataclasses.is_dataclass(value):
+        return [flat(getattr(value, field.name)) for field in dataclasses.fields(value)]
+    return [flat(item) for item in value] if isinstance(value, tuple) else value
+
+
+def test_an_analysis_comes_back_bit_by_bit(cache, made, analysed):
+    first, again = (analyse_song(SONG, STARTER, keep=True) for _ in range(2))
+    assert flat(first) == flat(again) == flat(analysed)
+    assert len(analysed[0].form.phrases) and len(made) == 1 and len(list(cache.iterdir())) == 1
+
+
+def test_dances_have_the_same_bytes_with_and_without_the_cache(cache, tmp_path):
+    paths = [tmp_path / name for name in ("without.npz", "made.npz", "read.npz")]
+    dances = [cg.dance(SONG, cache=use) for use in (False, True, True)]
+    for dance, path in zip(dances, paths, strict=True):
+        dance.save(path)
+    assert len({path.read_bytes() for path in paths}) == 1
+    assert len({dance.plan.to_json() for dance in dances}) == len({dance.notes for dance in dances}) == 1
+    assert len(list(cache.iterdir())) == 1
+
+
+def test_without_the_setting_nothing_is_kept(cache):
+    cg.dance(SONG, engine="mixer", cache=False)
+    assert not cache.exists()
+
+
+def test_anything_that_an_analysis_depends_on_makes_another_entry(cache, made, tmp_path):
+    beats = tmp_path / "song.beats"
+    beats.write_text("0.5\n1.0\n")
+    louder = dataclasses.replace(SONG, samples=SONG.samples * np.float32(0.5))
+    copied = tmp_path / "copy.h5"
+    copied.write_bytes(STARTER.path.read_bytes() + b" ")
+    requests = [
+        (SONG, {}), (louder, {}), (dataclasses.replace(SONG, name="other"), {}), (SONG, {"genre": "waltz"}),
+        (SONG, {"beats": "tempo-path"}), (SONG, {"beats": beats}),
+        (dataclasses.replace(SONG, start_s=1.0), {"beats": beats}),
+    ]  # fmt: skip
+    for song, options in requests:
+        analyse_song(song, STARTER, keep=True, **options)
+    beats.write_text("0.6\n1.0\n")
+    analyse_song(SONG, STARTER, keep=True, beats=beats)
+    analyse_song(SONG, cg.Repertoire.open(copied), keep=True)
+    assert len(made) == len(list(cache.iterdir())) == len(requests) + 2
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[:-9], lambda data: b"", lambda data: data[:99] + b"!" + data[100:]]
+)
+def test_a_damaged_entry_is_made_anew(cache, made, damage, caplog):
+    analyse_song(SONG, STARTER, keep=True)
+    (entry,) = cache.iterdir()
+    whole = entry.read_bytes()
+    entry.write_bytes(damage(whole))
+    analyse_song(SONG, STARTER, keep=True)
+    assert "damaged" in caplog.text and len(made) == 2 and entry.read_bytes() == whole
+
+
+def test_the_entries_used_last_are_kept_within_the_bound(cache, made, monkeypatch):
+    songs = [dataclasses.replace(SONG, name=f"song {number}") for number in range(4)]
+    for number, song in enumerate(songs[:3]):
+        analyse_song(song, STARTER, keep=True)
+        os.utime(max(cache.iterdir(), key=lambda path: path.stat().st_mtime_ns), (number, number))
+    analyse_song(songs[0], STARTER, keep=True)  # the oldest, used now
+    size = max(path.stat().st_size for path in cache.iterdir())
+    monkeypatch.setattr(kept_analysis, "MAX_BYTES", 3 * size + 99)
+    analyse_song(songs[3], STARTER, keep=True)
+    assert len(list(cache.iterdir())) == 3 and len(made) == 4
+    for song, n_made in ((songs[0], 4), (songs[2], 4), (songs[3], 4), (songs[1], 5)):
+        analyse_song(song, STARTER, keep=True)
+        assert len(made) == n_made
+
+
+def test_two_processes_at_once_leave_one_whole_entry(cache, tmp_path):
+    code = (
+        "import sys, choreograph as cg\n"
+        "song = cg.load_song(cg.example_songs()['house'], duration_s=8.0)\n"
+        "cg.dance(song).save(sys.argv[1])\n"
+    )
+    paths = [tmp_path / f"{number}.npz" for number in range(2)]
+    running = [subprocess.Popen([sys.executable, "-c", code, str(path)]) for path in paths]
+    assert [process.wait(timeout=600) for process in running] == [0, 0]
+    assert len({path.read_bytes() for path in paths}) == 1
+    (entry,) = cache.iterdir()
+    assert kept_analysis._read(entry) is not None
+
+
+def test_where_nothing_can_be_written_the_song_is_analysed(made, monkeypatch, tmp_path, caplog):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    monkeypatch.setenv("CHOREOGRAPH_CACHE", str(blocked))
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(blocked))
+    for _ in range(2):
+        analyse_song(SONG, STARTER, keep=True)
+    assert len(made) == 2 and "not kept" in caplog.text
