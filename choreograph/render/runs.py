@@ -127,8 +127,16 @@ def words_to_runs(
 
 def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Run:
     start_s, stop_s = float(spans_s[0, 0]), float(spans_s[-1, 1])
-    knots, values = np.append(spans_s[:, 0], stop_s), np.append(sources_s[:, 0], sources_s[-1, 1])
-    return Run(take, start_s, stop_s, PchipInterpolator(knots, values)(_knots_s(start_s, stop_s)), locked)
+    knots, values = (*spans_s[:, 0].tolist(), stop_s), (*sources_s[:, 0].tolist(), float(sources_s[-1, 1]))
+    return Run(take, start_s, stop_s, _smooth_times_s(knots, values), locked)
+
+
+@lru_cache(maxsize=4096)  # the mixer makes the runs of most words six times
+def _smooth_times_s(knots: tuple[float, ...], values: tuple[float, ...]) -> Floats:
+    """Source times through `values` at the times `knots` of the dance, as of `Run`. They are read-only."""
+    times_s: Floats = PchipInterpolator(knots, values)(_knots_s(knots[0], knots[-1]))
+    times_s.flags.writeable = False
+    return times_s
 
 
 def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:

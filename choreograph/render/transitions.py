@@ -177,14 +177,13 @@ def _with_offsets(
     shared: bool,
 ) -> tuple[Floats, Floats]:
     """One side with its parts (3,) of the offset and its derivatives, `times_s` (T,) from the transition."""
-    shift, turn = parts[:, None] * offsets[0], parts[:, None, None] * offsets[1]  # (3, 3), (3, J, 3)
-    still = (decay_distance(offset[0], times_s, length_s, shared=shared) for offset in (shift, turn))
-    root, quat = apply_offset(root, quat, *still)
-    rates = (
-        decay_rate(rate, acceleration, times_s, length_s, shared=shared)
-        for _, rate, acceleration in (shift, turn)
-    )
-    return apply_offset(root, quat, *rates)
+    shift, turn = offsets
+    both = parts[:, None, None] * np.concatenate([shift[:, None], turn], axis=1)  # (3, 1 + J, 3)
+    distance, rate, acceleration = both
+    still = decay_distance(distance, times_s, length_s, shared=shared)  # (T, 1 + J, 3)
+    moving = decay_rate(rate, acceleration, times_s, length_s, shared=shared)
+    root, quat = apply_offset(root, quat, still[:, 0], still[:, 1:])
+    return apply_offset(root, quat, moving[:, 0], moving[:, 1:])
 
 
 # Feet at joins. The two takes of a join have their feet in different places, so that feet that stand in both
