@@ -135,6 +135,12 @@ class DanceConfig:
     signature asks for. "absolute" weighs them by the absolute difference, which is equation 5 of Rhythm is
     a Dancer as printed. Used by the mixer and the rollout engine."""
 
+    phrase_counts: Annotated[int, Range(1, 64)] = 8
+    """About how many counts each passage of a take lasts, from which motifs are drawn. A passage begins at
+    the start of a bar, and returns with its phrase of the song. Dances of longer passages are more like the
+    takes. With 1, motifs are drawn one by one, as in Rhythm is a Dancer. Used by the mixer and the rollout
+    engine."""
+
     style_strength: Annotated[float, Range(0, 1000)] | None = None
     """How much the music changes the style of the motion: β in equation 4 of Rhythm is a Dancer, which uses
     40. None takes the value that the network was trained with. Used by the rollout engine."""
@@ -199,6 +205,7 @@ class DanceSettings(TypedDict, total=False):
     keep_on_stage: bool
     front: Front
     motif_draw: MotifDraw
+    phrase_counts: int
     style_strength: float | None
     style_window: StyleWindow | None
     style_song: str | Path | Song | None
@@ -336,11 +343,16 @@ DANCE: dict[str, Any] = {
 }  # fmt: skip
 
 
-# Of the other engines: equations 5 and 4 of Rhythm is a Dancer as printed.
+# Of the other engines: equations 5 and 4 of Rhythm is a Dancer as printed, motif by motif.
 _DANCES: dict[str, dict[str, Any]] = {
     "graph": DANCE,
-    "mixer": {"motif_draw": "absolute"},
-    "rollout": {"motif_draw": "absolute", "style_strength": 40.0, "style_window": "hamming"},
+    "mixer": {"motif_draw": "absolute", "phrase_counts": 1},
+    "rollout": {
+        "motif_draw": "absolute",
+        "phrase_counts": 1,
+        "style_strength": 40.0,
+        "style_window": "hamming",
+    },
 }
 
 

@@ -76,6 +76,11 @@ def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -
     return positions
 
 
+def count_numbers(positions: Indices) -> Indices:
+    """The number of the count (N,) at each position in the bar, 0 if it is not known."""
+    return positions % _MANY
+
+
 def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:
     """Which of the words (M,) begin at a position in the bar. All do if positions are unknown.
 
@@ -156,7 +161,10 @@ def draw_motifs(
             f"expected at least 0 words and a need among {', '.join(NEEDS)}, got {n_words} and {need!r}"
         )
     pins = dict(pins or {})
-    allowed = _allowed_at(_allowed(n_motifs, pins, banned, n_words), possible, n_words)  # (N, K)
+    everywhere = np.ones((n_words, n_motifs), bool) if possible is None else possible
+    if np.shape(everywhere) != (n_words, n_motifs):
+        raise ParameterError(f"expected possible motifs {(n_words, n_motifs)}, got {np.shape(everywhere)}")
+    allowed = allowed_motifs(everywhere, pins, banned)  # (N, K)
     smoothed = (1.0 - _UNSEEN) * transitions + _UNSEEN / n_motifs
     last = n_words - 1 if possible is not None else max(pins, default=0)
     messages = _backward_messages(last, smoothed, pins, allowed)
@@ -237,9 +245,19 @@ def _drawn(prior: Floats, possible: Floats, need: Floats, rng: np.random.Generat
 
 def _need(counts: Floats, target: Floats, need: str) -> Floats:
     """Equation 5's difference of signatures, (K,), from the counts of the dance so far (K,)."""
-    missing = target - counts / max(1.0, counts.sum())
-    need_of: Floats = np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
+    n_words = max(1.0, counts.sum())
+    need_of: Floats = lacking(counts, target, n_words, need) / n_words
     return need_of
+
+
+def lacking(counts: Floats, target: Floats, n_words: float, need: str) -> Floats:
+    """How often each motif (K,) is lacking in a dance that shall have `n_words` words of a signature (K,).
+
+    `counts` (K,) are those of the dance so far, and `need` is as in `draw_motifs`.
+    """
+    missing = n_words * target - counts
+    lacks: Floats = np.maximum(missing, 0.0) if need == "missing" else np.abs(missing)
+    return lacks
 
 
 def _backward_messages(
@@ -259,10 +277,14 @@ def _backward_messages(
     return messages
 
 
-def _allowed(
-    n_motifs: int, pins: Mapping[int, int], banned: Collection[int], n_words: int
+def allowed_motifs(
+    possible: NDArray[np.bool_], pins: Mapping[int, int], banned: Collection[int]
 ) -> NDArray[np.bool_]:
-    """Which motifs may be drawn, (K,)."""
+    """The motifs (N, K) that may be drawn for each word: its pinned motif, or possible ones without a ban.
+
+    Where all possible motifs are banned, every other motif may be drawn. Raises as `draw_motifs`.
+    """
+    n_words, n_motifs = possible.shape
     for motif in (*pins.values(), *banned):
         if not 0 <= motif < n_motifs:
             raise ParameterError(f"expected motifs 0 to {n_motifs - 1}, got motif {motif}")
@@ -276,24 +298,15 @@ def _allowed(
                 f"expected pinned motifs that are not banned, got motif {motif}, pinned at word {position}: "
                 "remove the pin or the ban"
             )
-    allowed = np.ones(n_motifs, bool)
-    allowed[list(banned)] = False
-    if not allowed.any():
+    free = np.ones(n_motifs, bool)
+    free[list(banned)] = False
+    if not free.any():
         raise ParameterError(f"expected at least one motif that is not banned, got all {n_motifs} banned")
+    both = possible & free
+    allowed: NDArray[np.bool_] = np.where(both.any(axis=1, keepdims=True), both, free)
+    for position, motif in pins.items():
+        allowed[position] = np.arange(n_motifs) == motif
     return allowed
-
-
-def _allowed_at(
-    allowed: NDArray[np.bool_], possible: NDArray[np.bool_] | None, n_words: int
-) -> NDArray[np.bool_]:
-    """Which motifs may be drawn at each position, (N, K): at least one."""
-    everywhere = np.broadcast_to(allowed, (n_words, len(allowed)))
-    if possible is None:
-        return everywhere
-    if np.shape(possible) != everywhere.shape:
-        raise ParameterError(f"expected possible motifs {everywhere.shape}, got {np.shape(possible)}")
-    both = everywhere & possible
-    return np.where(both.any(axis=1, keepdims=True), both, everywhere)
 
 
 def _checked_transitions(transitions: Floats, n_motifs: int) -> Floats:

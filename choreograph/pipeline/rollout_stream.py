@@ -132,7 +132,10 @@ class RolloutStream:
         beat_times_s = self.counts.times_s
         self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
         self.notes += metre_notes
-        self._motifs = MotifStream(self.counts, self._repertoire, genre=genre or ALL_GENRES, seed=seed)
+        self._motifs = MotifStream(
+            self.counts, self._repertoire, genre=genre or ALL_GENRES, seed=seed,
+            phrase_counts=DanceConfig().phrase_counts,
+        )  # fmt: skip
         self._rhythm = RhythmStream(beat_times_s)
         self._conditions: deque[FrameCondition] = deque()  # of the rest of a word, rhythm left out
         self._dance: DanceStream | None = None  # from the first word on

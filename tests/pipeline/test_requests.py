@@ -87,6 +87,7 @@ TABLE = {
     "keep_on_stage": ({"graph"}, False, {"costs": (Hop(),)}),
     "front": ({"graph"}, "free", {}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
+    "phrase_counts": ({"mixer", "rollout"}, 1, {}),
     "style_strength": ({"rollout"}, 9.0, {}),
     "style_window": ({"rollout"}, "hamming", {"style_strength": 9.0}),
     "fps": (ALL, 30.0, {}),

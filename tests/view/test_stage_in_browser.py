@@ -29,7 +29,8 @@ def test_dancer_is_drawn_and_moves(opened):
     body = np.abs(before - stage).sum(axis=2) > 150
     assert 0.01 < body.mean() < 0.5
     page.keyboard.press("Space")
-    until(page, "choreograph.playing && choreograph.time > 1.0")
+    until(page, "choreograph.time > 1.0")
+    assert state(page, "playing")
     page.keyboard.press("Space")
     moved = np.abs(picture(page) - before).sum(axis=2) > 60
     assert moved.mean() > 0.01

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.enforcement import (
@@ -18,7 +19,6 @@ from choreograph.choreography.enforcement import (
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.costs import Cost
-from choreograph.choreography.material import Material
 from choreograph.choreography.mixer.words import (
     SEARCHES,
     CandidatePool,
@@ -26,7 +26,7 @@ from choreograph.choreography.mixer.words import (
     consecutive_slots,
     search_words,
 )
-from choreograph.choreography.motif_sequences import draw_motifs_of_parts
+from choreograph.choreography.passages import draw_dance
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Indices
@@ -40,6 +40,7 @@ from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
+_CUT_COST_M = 0.2  # of a word within a passage that does not follow the word before it in its take
 _ROUNDS = 6  # renderings until every word shows its motif, more for pinned and banned motifs
 
 
@@ -47,7 +48,7 @@ class MixerEngine:
     """Motion words of takes (Rhythm is a Dancer, sections 4.3 and 5.2.5)."""
 
     name = "mixer"
-    settings = frozenset({"planner", "blending", "motif_draw"})
+    settings = frozenset({"planner", "blending", "motif_draw", "phrase_counts"})
 
     def check(
         self,
@@ -82,16 +83,17 @@ class MixedDance:
     words: Indices  # (N,) of the vocabulary
     wanted: Indices  # (N,) planned motif of each word
     danced: Indices  # (N,) motif that the rendered motion shows there, or -1 for a word too short to have one
+    insists: NDArray[np.bool_]  # (N,) slots whose word is replaced if it does not show its motif
     broken: tuple[int, ...]  # slots where a pinned motif is not danced, or a banned one is
 
     @property
     def wrong(self) -> Indices:
-        """Slots whose motif is not the planned one."""
-        return np.flatnonzero((self.danced != self.wanted) & (self.danced >= 0))
+        """Slots that insist on their motif and show another one."""
+        return np.flatnonzero((self.danced != self.wanted) & (self.danced >= 0) & self.insists)
 
     @property
     def n_violations(self) -> tuple[int, int]:
-        """Slots that break constraints, and slots that show another motif than planned."""
+        """Slots that break constraints, and slots that insist on their motif and show another one."""
         return len(self.broken), len(self.wrong)
 
 
@@ -117,17 +119,19 @@ def sequence_notes(constraints: ResolvedConstraints) -> tuple[str, ...]:
 def mix(request: DanceRequest) -> MixedDance:
     """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
-    It differs from the paper in three ways. A word that no longer shows its motif after blending is replaced,
-    and the dance is rendered again. All words are chosen together. Words begin at the position of the music
-    in the bar.
+    It differs from the paper in four ways. Motifs are drawn in passages of takes. A word that no longer shows
+    its motif after blending is replaced, and the dance is rendered again. In a passage, this holds for
+    requested motifs only, because another word would interrupt the passage. All words are chosen together.
+    Words begin at the position of the music in the bar.
 
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
     """
     constraints, config = request.constraints, request.config
     rng = np.random.default_rng(config.seed)
+    cut_cost_m = _CUT_COST_M if config.phrase_counts > 1 else 0.0
     pool = CandidatePool.of(constraints, request.repertoire, rng)
-    wanted = _motifs(pool, config, request.material)
+    wanted = _motifs(pool, request)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
     if request.kept is not None:
         candidates = with_border_costs(candidates, request.kept, constraints)
@@ -137,7 +141,7 @@ def mix(request: DanceRequest) -> MixedDance:
     best: MixedDance | None = None
     rounds = 0
     while True:
-        words = search_words(candidates, search=config.planner)
+        words = search_words(candidates, search=config.planner, cut_cost_m=cut_cost_m)
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
         mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
@@ -169,7 +173,9 @@ def _rendered(
     shown = danced_motifs(motion, constraints.bounds_s, request.repertoire, pinned)
     danced = np.where(held, chosen, shown)
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
-    return MixedDance(plan, motion, words, chosen, danced, tuple(broken))
+    insists = np.full(constraints.n_words, request.config.phrase_counts == 1)
+    insists[list(constraints.motifs)] = True
+    return MixedDance(plan, motion, words, chosen, danced, insists, tuple(broken))
 
 
 def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
@@ -191,7 +197,7 @@ def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: Candi
     return left if left.any_left else here
 
 
-def _motifs(pool: CandidatePool, config: DanceConfig, material: Material) -> Indices:
+def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
     """The motif of every word (N,), as requested, or that of a pinned take, or drawn."""
     constraints = pool.constraints
     motifs = dict(constraints.motifs)
@@ -202,13 +208,10 @@ def _motifs(pool: CandidatePool, config: DanceConfig, material: Material) -> Ind
                 "expected a pinned take with motion words that may be danced, got none at "
                 f"{constraints.bounds_s[slots[0]]:.1f} s"
             )
-        passage = search_words(of_take, search=config.planner)
+        passage = search_words(of_take, search=request.config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
-    return draw_motifs_of_parts(
-        material.parts_at(constraints.bounds_s[:-1]), [part.goal for part in material.goals],
-        rng=pool.rng, pins=motifs, banned=np.flatnonzero(~pool.motif_allowed()).tolist(),
-        possible=pool.motif_possible(), need=config.motif_draw,
-    )  # fmt: skip
+    banned = np.flatnonzero(~pool.motif_allowed()).tolist()
+    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned)
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.motif_sequences import (
     bar_positions,
-    possible_motifs,
     word_positions,
     words_on_count,
 )
@@ -132,6 +131,7 @@ class Candidates:
     """The words that may be danced in one slot of the dance, M of them."""
 
     words: Indices  # (M,) indices in the vocabulary
+    takes: Indices  # (M,) of these words
     cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance. inf excludes the word
     first_m: AnyFloats  # (M, 3, 21, 3) the poses around its start, in the root frame
     last_m: AnyFloats  # (M, 3, 21, 3) the poses around its end
@@ -201,19 +201,13 @@ class CandidatePool:
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
         cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
-        return Candidates(words, cost, *self.bank.borders_m(words, self.length_s(slot)))
+        return Candidates(words, v.word_take[words], cost, *self.bank.borders_m(words, self.length_s(slot)))
 
     def motif_allowed(self) -> NDArray[np.bool_]:
         """Motifs (K,) that are not banned and have a word that may be danced."""
         allowed = np.zeros(self.vocabulary.n_motifs, bool)
         allowed[self.vocabulary.word_motif[self.constraints.take_allowed[self.vocabulary.word_take]]] = True
         return allowed & ~self.constraints.motif_banned
-
-    def motif_possible(self) -> NDArray[np.bool_]:
-        """Motifs (N, K) that have a word, of a take requested there, on the count of each slot."""
-        return possible_motifs(
-            self.slot_position, self.word_position, self.constraints.take_wanted, self.vocabulary
-        )
 
     def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
         """Which words (M,) begin at the slot's position in the bar. All do if positions are unknown."""
@@ -254,11 +248,14 @@ SEARCHES = ("exact", "greedy")
 _REPEAT_COST_M = 0.15  # of an immediate repeat of a word, in metres of joint distance
 
 
-def search_words(candidates: Sequence[Candidates], *, search: str = "exact") -> Indices:
+def search_words(
+    candidates: Sequence[Candidates], *, search: str = "exact", cut_cost_m: float = 0.0
+) -> Indices:
     """A word for every slot, (N,): the cheapest sequence.
 
     Going from one word to the next costs the root mean square distance of their three poses at the
-    transition, in metres, and more if it is the same word again.
+    transition, in metres, more if it is the same word again, and `cut_cost_m` more if it is not the word
+    that follows in the take.
 
     Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
     forbidden.
@@ -270,22 +267,22 @@ def search_words(candidates: Sequence[Candidates], *, search: str = "exact") -> 
             raise NoPathError(f"every word of slot {slot} of the dance is forbidden")
     if not candidates:
         return np.zeros(0, np.int64)
-    rows = (_greedy if search == "greedy" else _cheapest)(candidates)
+    rows = (_greedy if search == "greedy" else _cheapest)(candidates, cut_cost_m)
     return np.array([here.words[row] for here, row in zip(candidates, rows, strict=True)])
 
 
-def _greedy(candidates: Sequence[Candidates]) -> list[int]:
+def _greedy(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
     rows = [int(np.argmin(candidates[0].cost_m))]
     for before, here in pairwise(candidates):
-        rows.append(int(np.argmin(_transition_costs_m(before, here)[rows[-1]] + here.cost_m)))
+        rows.append(int(np.argmin(_transition_costs_m(before, here, cut_cost_m)[rows[-1]] + here.cost_m)))
     return rows
 
 
-def _cheapest(candidates: Sequence[Candidates]) -> list[int]:
+def _cheapest(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
     reached = candidates[0].cost_m  # (M,)
     parents: list[Indices] = []
     for before, here in pairwise(candidates):
-        paths = reached[:, None] + _transition_costs_m(before, here)  # (M, M')
+        paths = reached[:, None] + _transition_costs_m(before, here, cut_cost_m)  # (M, M')
         parents.append(np.argmin(paths, axis=0))
         reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
     rows = [int(np.argmin(reached))]
@@ -294,10 +291,12 @@ def _cheapest(candidates: Sequence[Candidates]) -> list[int]:
     return rows[::-1]
 
 
-def _transition_costs_m(before: Candidates, here: Candidates) -> AnyFloats:
+def _transition_costs_m(before: Candidates, here: Candidates, cut_cost_m: float) -> AnyFloats:
     """Cost of going from each word (M) to each of the next slot (M'), (M, M')."""
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
+    is_next = (before.words[:, None] + 1 == here.words) & (before.takes[:, None] == here.takes)
     cost_m: AnyFloats = np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
+    cost_m += cut_cost_m * ~is_next
     return cost_m

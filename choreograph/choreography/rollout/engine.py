@@ -23,12 +23,7 @@ from choreograph.choreography.enforcement import (
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.costs import Cost
 from choreograph.choreography.mixer.engine import sequence_notes
-from choreograph.choreography.motif_sequences import (
-    bar_positions,
-    draw_motifs_of_parts,
-    possible_motifs,
-    word_positions,
-)
+from choreograph.choreography.passages import draw_dance
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
@@ -53,7 +48,7 @@ class RolloutEngine:
     """A network's motion (Rhythm is a Dancer, section 4)."""
 
     name = "rollout"
-    settings = frozenset({"motif_draw", "style_song", "style_strength", "style_window"})
+    settings = frozenset({"motif_draw", "phrase_counts", "style_song", "style_strength", "style_window"})
 
     def check(
         self,
@@ -254,19 +249,14 @@ def _drawn_motifs(
     held: Mapping[int, int],
 ) -> Indices:
     """The motifs of every slot (N,) towards the goal of its part. Another attempt draws others."""
-    repertoire, material, seed = request.repertoire, request.material, request.config.seed
-    vocabulary, starts_s = repertoire.vocabulary, constraints.bounds_s[:-1]
-    possible = possible_motifs(
-        bar_positions(starts_s, constraints.counts), word_positions(vocabulary, repertoire.counts),
-        constraints.take_wanted, vocabulary,
-    )  # fmt: skip
-    return draw_motifs_of_parts(
-        material.parts_at(starts_s), [part.goal for part in material.goals],
+    seed = request.config.seed
+    return draw_dance(
+        request,
+        constraints,
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
         pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
-        banned=np.flatnonzero(constraints.motif_banned).tolist(), possible=possible,
-        need=request.config.motif_draw,
-    )  # fmt: skip
+        banned=np.flatnonzero(constraints.motif_banned).tolist(),
+    )
 
 
 def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dict[int, int]:

@@ -12,11 +12,12 @@ from choreograph.choreography.material import takes_of_genre
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
     bar_positions,
+    count_numbers,
     draw_next_motif,
     motif_goal,
     possible_motifs,
-    word_positions,
 )
+from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_passage, passage_stop
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     SHIFT_S,
@@ -26,7 +27,7 @@ from choreograph.choreography.rollout.generation import (
 )
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.motion import rotations as rot
@@ -36,7 +37,7 @@ from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions, Rollou
 from choreograph.nets.rollout_data import ROLLOUT_FPS, to_poses
 from choreograph.render.runs import steer_rad
 
-# Motifs drawn word by word while a song plays (Rhythm is a Dancer, section 4.3).
+# Motifs drawn while a song plays, passage by passage or word by word (Rhythm is a Dancer, section 4.3).
 
 
 _LAST_WORDS = 8  # whose median is the duration of words after the last count
@@ -54,22 +55,31 @@ class StreamedWord:
 class MotifStream:
     """An endless sequence of words from the start of a song on.
 
-    Before and after the counts of the song, words are evenly spaced. A motif is drawn only if it has a word
-    on the count where the next word begins. `need` is the reading of equation 5, as in
-    `choreography.motif_sequences.draw_motifs`. Setting `genre` restarts its signature. Raises
-    `ParameterError` for an unknown genre, and `RepertoireError` without motifs.
+    Before and after the counts of the song, words are evenly spaced. Motifs are drawn in passages of about
+    `phrase_counts` counts, as by `choreography.passages`, or one by one if it is 1. A motif is then drawn
+    only if it has a word on the count where the next word begins. `need` is the reading of equation 5, as in
+    `choreography.motif_sequences.draw_motifs`. Setting `genre` restarts its signature and begins another
+    passage. Raises `ParameterError` for an unknown genre, and `RepertoireError` without motifs.
     """
 
     def __init__(
-        self, counts: Counts, repertoire: Repertoire, *, genre: str, seed: int, need: str = "missing"
+        self,
+        counts: Counts,
+        repertoire: Repertoire,
+        *,
+        genre: str,
+        seed: int,
+        need: str = "missing",
+        phrase_counts: int = 8,
     ) -> None:
         self._repertoire, self._vocabulary = repertoire, repertoire.vocabulary
-        self._need, self._rng = need, np.random.default_rng(seed)
+        self._need, self._rng, self._phrase_counts = need, np.random.default_rng(seed), phrase_counts
         last_s = counts.times_s[-1] if len(counts) else 0.0
         self._bounds_s = dance_bounds_s(counts.times_s, max(float(last_s), DEFAULT_WORD_S))
         self._last_word_s = float(np.median(np.diff(self._bounds_s)[-_LAST_WORDS:]))
         self._position = bar_positions(self._bounds_s, counts)
-        self._word_position = word_positions(self._vocabulary, repertoire.counts)
+        self._bars = np.flatnonzero(count_numbers(self._position) == 1)
+        self._words = TakeWords.of(repertoire)
         self._requested: list[int] = []
         self.words: list[StreamedWord] = []  # begun so far
         self.genre = genre
@@ -83,7 +93,8 @@ class MotifStream:
     def genre(self, genre: str) -> None:
         self._goal = motif_goal(self._vocabulary, genre=genre)
         self._genre = genre
-        self._takes = np.tile(takes_of_genre(self._repertoire, genre), (2, 1))  # of this word and the next
+        self._takes = takes_of_genre(self._repertoire, genre)
+        self._passage: list[int] = []  # the rest of the drawn passage, from the next word on
         self._danced = np.zeros(self._vocabulary.n_motifs)
 
     def request(self, motif: int, n_words: int) -> None:
@@ -93,24 +104,45 @@ class MotifStream:
     def begin_word(self) -> StreamedWord:
         """The next word, with its motif requested or drawn."""
         slot = len(self.words)
-        motif = self._requested.pop(0) if self._requested else self._drawn(slot)
+        if not self._passage and not self._requested:
+            self._passage = self._drawn(slot)
+        motif = (self._requested or self._passage)[0]
+        del self._passage[:1], self._requested[:1]
         self._danced[motif] += 1
         self.words.append(StreamedWord(self._bound_s(slot), self._bound_s(slot + 1), motif))
         return self.words[-1]
 
-    def _drawn(self, slot: int) -> int:
-        positions = np.full(2, UNKNOWN)
-        here = self._position[slot : slot + 2]
-        positions[: len(here)] = here
-        return draw_next_motif(
+    def _drawn(self, slot: int) -> list[int]:
+        """The motifs of a passage that begins at a slot, or of one word."""
+        previous = self.words[-1].motif if self.words else None
+        if self._phrase_counts > 1:
+            stop = passage_stop(slot, slot + 2 * self._phrase_counts, self._bars, self._phrase_counts)
+            position, possible = self._slots(slot, stop)
+            drawn = draw_passage(
+                self._words, self._goal, DancedSoFar(self._danced, previous=previous),
+                slot_position=position, takes=self._takes, allowed=possible, need=self._need, rng=self._rng,
+            )  # fmt: skip
+            if drawn is not None:
+                return [int(motif) for motif in drawn]
+        _, possible = self._slots(slot, slot + 2)
+        motif = draw_next_motif(
             self._danced,
             self._goal.signature,
             self._goal.transitions,
             rng=self._rng,
-            previous=self.words[-1].motif if self.words else None,
-            possible=possible_motifs(positions, self._word_position, self._takes, self._vocabulary),
+            previous=previous,
+            possible=possible,
             need=self._need,
         )
+        return [motif]
+
+    def _slots(self, start: int, stop: int) -> tuple[Indices, NDArray[np.bool_]]:
+        """Positions in the bar (L,) of words from one slot to another, and their possible motifs (L, K)."""
+        position = np.full(stop - start, UNKNOWN)
+        here = self._position[start:stop]
+        position[: len(here)] = here
+        takes = np.tile(self._takes, (stop - start, 1))
+        return position, possible_motifs(position, self._words.position, takes, self._vocabulary)
 
     def _bound_s(self, index: int) -> float:
         beyond = index - (len(self._bounds_s) - 1)

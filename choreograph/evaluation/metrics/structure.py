@@ -4,17 +4,21 @@ Conventions: a dance is a sequence of motifs (N,), numbered from 0, with increas
 (N,). It is also a sequence of pieces of takes (P,), each with its span in the dance and in its take. The
 sections of a song are bounds (S + 1,) in seconds and labels (S,). Equal labels mean the same music.
 Signatures and motif transitions follow Rhythm is a Dancer (sections 3.4 and 4.3). That paper compares
-signatures, but does not measure how a dance follows the sections of its song. `section_agreement` is ours.
+signatures, but does not measure how a dance follows the sections of its song. `section_agreement` is ours,
+and so is `n_gram_share`: a dance whose motifs are in a random order has the same signature.
 Input that does not fit raises `ParameterError`.
 """
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.arguments import is_whole
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyInts, Floats, chi_square_distance, default_numerics
 
@@ -96,6 +100,42 @@ def transition_chance_bits(motifs: AnyInts, transitions: Floats) -> float:
         return float("nan")
     table = bits[np.ix_(motifs, motifs)]
     return float(table[~np.eye(len(motifs), dtype=bool)].mean())
+
+
+def n_gram_share(motifs: AnyInts, takes: Sequence[AnyInts], n: int) -> float:
+    """Share of the runs of `n` consecutive motifs of a dance that at least one of the takes has, 0 to 1.
+
+    `takes` are the sequences of motifs of the takes. Compare with a take that is left out, against the
+    others. A dance with a much higher share copies long parts of takes. The result is nan for a dance of
+    fewer than `n` motifs.
+
+    Examples
+    --------
+    >>> take = np.array([0, 1, 2, 3, 4])
+    >>> cg.metrics.structure.n_gram_share(np.array([2, 3, 4, 0, 1]), [take], n=2)
+    0.75
+    """
+    runs, in_takes = _n_grams(motifs, n), _n_grams_of_takes(takes, n)
+    return float(np.mean([run in in_takes for run in runs])) if runs else float("nan")
+
+
+def n_gram_chance(motifs: AnyInts, takes: Sequence[AnyInts], n: int) -> float:
+    """Chance level of `n_gram_share`: its mean over all orders of the same motifs.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.n_gram_chance(np.array([0, 1, 2]), [np.array([0, 1, 2])], n=2)
+    0.3333333333333333
+    """
+    runs, in_takes = _n_grams(motifs, n), _n_grams_of_takes(takes, n)
+    if not runs:
+        return float("nan")
+    has = Counter(np.asarray(motifs).tolist())
+    # The orders of the dance in which its first `n` motifs are a given run.
+    orders = sum(
+        math.prod(math.perm(has[motif], times) for motif, times in Counter(run).items()) for run in in_takes
+    )
+    return orders / math.perm(len(motifs), n)
 
 
 def longest_repeat(items: Sequence[int] | AnyInts) -> int:
@@ -285,6 +325,19 @@ def evaluate(
         "longest_repeat_s": longest_repeat_s(takes, pieces_s),
         "distinct_takes_per_minute": distinct_takes_per_minute(takes, rows[-1, 1] - rows[0, 0]),
     }
+
+
+def _n_grams(motifs: AnyInts, n: int) -> list[tuple[int, ...]]:
+    """The runs of `n` consecutive motifs of a sequence (N,), in order."""
+    if not is_whole(n) or n < 1:
+        raise ParameterError(f"expected runs of 1 motif or more, got n = {n!r}")
+    validate(motifs, int(np.max(motifs, initial=0)) + 1)
+    sequence = np.asarray(motifs).tolist()
+    return [tuple(sequence[first : first + n]) for first in range(len(sequence) - n + 1)]
+
+
+def _n_grams_of_takes(takes: Sequence[AnyInts], n: int) -> set[tuple[int, ...]]:
+    return {run for take in takes for run in _n_grams(take, n)}
 
 
 def _bits(transitions: Floats) -> Floats:

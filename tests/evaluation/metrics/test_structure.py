@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import mir_eval
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from golden.regenerate import golden, structure_scores
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import choreograph as cg
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics import structure
 
@@ -49,6 +52,51 @@ def test_chance_is_the_mean_over_orders(motifs, seed):
     assert structure.transition_chance_bits(motifs, transitions) == pytest.approx(
         np.mean(shuffled), abs=error
     )
+
+
+def test_runs_of_motifs_that_the_takes_have():
+    takes = [np.array([0, 1, 2, 3]), np.array([4, 5, 6])]
+    assert structure.n_gram_share(takes[0], takes, 4) == structure.n_gram_share(takes[1], takes, 2) == 1.0
+    assert structure.n_gram_share(np.array([3, 2, 1, 0]), takes, 2) == 0.0
+    assert structure.n_gram_share(np.array([2, 3, 4, 5]), takes, 2) == pytest.approx(2 / 3)  # not 3, 4
+    assert structure.n_gram_share(np.array([0, 1]), [], 2) == 0.0
+    for metric in (structure.n_gram_share, structure.n_gram_chance):
+        assert np.isnan(metric(NONE, takes, 1)) and np.isnan(metric(takes[1], takes, 4))
+
+
+def test_real_takes_are_far_above_the_chance_of_their_runs():
+    vocabulary = cg.starter_repertoire().vocabulary
+    takes = [vocabulary.word_motif[vocabulary.words_of_take(take)] for take in range(128)]
+    for n, least in ((4, 0.5), (8, 0.2)):
+        left_out = [structure.n_gram_share(takes[i], takes[:i] + takes[i + 1 :], n) for i in range(0, 128, 9)]
+        assert np.mean(left_out) > least > 100 * structure.n_gram_chance(takes[0], takes, n)
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(0, 3), max_size=6), st.lists(st.integers(0, 3), max_size=8), st.integers(1, 3))
+def test_the_chance_of_runs_is_the_mean_over_orders(motifs, take, n):
+    motifs, takes = np.array(motifs, np.int64), [np.array(take, np.int64)]
+    shares = [
+        structure.n_gram_share(np.array(order), takes, n) for order in itertools.permutations(motifs.tolist())
+    ]
+    chance = structure.n_gram_chance(motifs, takes, n)
+    assert chance == pytest.approx(np.mean(shares), nan_ok=True)
+
+
+@pytest.mark.parametrize("metric", [structure.n_gram_share, structure.n_gram_chance])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"motifs": np.array([0.5, 1.0])},
+        {"motifs": np.array([-1, 1])},
+        {"takes": [np.array([[0, 1]])]},
+        {"n": 0},
+        {"n": 1.5},
+    ],
+)
+def test_malformed_runs_are_refused(metric, wrong):
+    with pytest.raises(ParameterError, match="expected"):
+        metric(**{"motifs": np.array([0, 1]), "takes": [np.array([0, 1])], "n": 2, **wrong})
 
 
 def test_longest_repeat_by_hand():

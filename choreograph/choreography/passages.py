@@ -1,0 +1,289 @@
+"""Passages: runs of words of the takes, drawn phrase by phrase towards the goals of a dance (ours).
+
+Rhythm is a Dancer draws motif after motif. Neighbours are then as in the takes, but sequences of four or
+more motifs seldom are. A passage is a run of consecutive words of a take. It begins at the start of a bar and
+lasts about `phrase_counts` counts. A dance is one passage after another, within the phrases of the song. A
+phrase that returns in the song returns in the dance, if the signature still lacks its motifs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.motif_sequences import (
+    MotifGoal,
+    allowed_motifs,
+    bar_positions,
+    count_numbers,
+    draw_motifs_of_parts,
+    draw_next_motif,
+    lacking,
+    possible_motifs,
+    word_positions,
+    words_on_count,
+)
+from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.numerics import Floats, Indices
+from choreograph.library.motifs import Vocabulary
+from choreograph.library.repertoire import Repertoire
+from choreograph.music.form import Form
+
+# The slots of a dance, divided into passages.
+
+
+_SAME_TIME_S = 1e-3
+
+
+@dataclass(frozen=True)
+class PassageSlots:
+    """The slots of one passage of a dance."""
+
+    start: int
+    stop: int  # one after the last
+    place: tuple[int, int, int] | None = None  # equal where the song repeats a phrase. None outside phrases
+
+    @property
+    def slots(self) -> slice:
+        """The slots as an index."""
+        return slice(self.start, self.stop)
+
+    def halves(self) -> tuple[PassageSlots, PassageSlots]:
+        """Two shorter passages without a place."""
+        middle = (self.start + self.stop) // 2
+        return PassageSlots(self.start, middle), PassageSlots(middle, self.stop)
+
+
+def passage_slots(
+    slot_position: Indices, parts: Indices, phrase_counts: int, starts_s: Floats, form: Form
+) -> list[PassageSlots]:
+    """The slots (N,) of a dance as passages, in order.
+
+    A passage begins where a part of the dance or a phrase of the song (`form`) begins. It ends before the
+    start of a bar, if bars are known, as near to `phrase_counts` as possible. The last passage of a phrase
+    may be shorter. `slot_position` (N,) is as in `choreography.motif_sequences`, and `starts_s` (N,) are the
+    times of the slots.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from choreograph.choreography.passages import passage_slots
+    >>> from choreograph.music.form import Form
+    >>> bars_of_three = 300 + np.arange(24) % 3 + 1
+    >>> found = passage_slots(bars_of_three, np.zeros(24, int), 8, np.arange(24.0), Form.empty())
+    >>> [passage.stop - passage.start for passage in found]
+    [9, 9, 6]
+    """
+    n_slots = len(slot_position)
+    bars = np.flatnonzero(count_numbers(slot_position) == 1)
+    first_slots = np.searchsorted(starts_s, [phrase.start_s - _SAME_TIME_S for phrase in form.phrases])
+    on_bar = np.isin(first_slots, bars)
+    labels = {int(first_slots[i]): label for i, label in enumerate(form.labels) if on_bar[i]}
+    changes = np.flatnonzero(np.diff(parts)) + 1
+    borders = np.unique([0, *changes.tolist(), *bars[:1].tolist(), *labels, n_slots])
+    passages = []
+    for start, stop in pairwise(borders.tolist()):
+        first, index = start, 0
+        while first < stop:
+            last = passage_stop(first, stop, bars, phrase_counts)
+            place = (labels[start], index, last - first) if start in labels else None
+            passages.append(PassageSlots(first, last, place))
+            first, index = last, index + 1
+    return passages
+
+
+def passage_stop(start: int, stop: int, bars: Indices, phrase_counts: int) -> int:
+    """The slot before which a passage ends that begins at `start`, at most `stop`.
+
+    It is the start of a bar (`bars`, slots) if one is in between, as near to `phrase_counts` as possible.
+    """
+    inside = bars[(bars > start) & (bars < stop)]
+    possible = np.append(inside if len(inside) else np.arange(start + 1, stop), stop)
+    return int(possible[np.abs(possible - (start + phrase_counts)).argmin()])
+
+
+# Passages of takes, and the draw of one.
+
+
+_NEED_POWER = 8.0  # of the share of motifs that are lacking. With 1, signatures are half as far off again
+_UNSEEN = 1e-3  # added to the probabilities of transitions from and to a passage
+_RETURNS = 0.5  # least share of lacking motifs with which a passage returns
+
+
+@dataclass(frozen=True, eq=False)
+class TakeWords:
+    """The words of a repertoire, with the positions in the bar at which they begin."""
+
+    vocabulary: Vocabulary
+    position: Indices  # (W,) as in `choreography.motif_sequences`
+
+    @classmethod
+    def of(cls, repertoire: Repertoire) -> TakeWords:
+        """The words of all takes. Raises `RepertoireError` if there are none."""
+        vocabulary = repertoire.vocabulary
+        return cls(vocabulary, word_positions(vocabulary, repertoire.counts))
+
+    def runs(
+        self, slot_position: Indices, takes: NDArray[np.bool_], allowed: NDArray[np.bool_]
+    ) -> NDArray[np.int64]:
+        """Motifs (M, L) of all runs of words of one of the `takes` (takes,) that fit L slots.
+
+        Each word begins on the count of its slot (L,), and is of a motif that is `allowed` (L, K) there.
+        """
+        take, motif = self.vocabulary.word_take, self.vocabulary.word_motif
+        length = len(slot_position)
+        first = np.arange(max(0, len(take) - length + 1))
+        first = first[(take[first] == take[first + length - 1]) & takes[take[first]]]
+        for slot, wanted in enumerate(slot_position):
+            word = first + slot
+            first = first[words_on_count(wanted, self.position, word) & allowed[slot, motif[word]]]
+        runs: NDArray[np.int64] = motif[first[:, None] + np.arange(length)]
+        return runs
+
+
+@dataclass(frozen=True, eq=False)
+class DancedSoFar:
+    """What the draw of a passage depends on, beside its slots."""
+
+    counts: Floats  # (K,) how often each motif is danced in this part, without the passage
+    previous: int | None = None  # the motif before the passage
+    following: int | None = None  # the motif after it, if it is given
+    n_words: int = 0  # of this part when it is finished, for a passage that returns
+    returning: Indices | None = None  # motifs (L,) of the passage where the song first had this phrase
+
+
+def draw_passage(
+    words: TakeWords,
+    goal: MotifGoal,
+    danced: DancedSoFar,
+    *,
+    slot_position: Indices,
+    takes: NDArray[np.bool_],
+    allowed: NDArray[np.bool_],
+    need: str,
+    rng: np.random.Generator,
+) -> Indices | None:
+    """The motifs (L,) of a passage for L slots, or None if no run of words fits them.
+
+    A returning passage is danced again if half of its motifs or more are still lacking in the signature.
+    Otherwise, runs of words are drawn by equation 5 of Rhythm is a Dancer, as `draw_motifs` draws motifs. The
+    weight of a run is the share of its motifs that are lacking, to the power 8, times the probability of the
+    transitions to its first motif and from its last one. The other arguments are as in `TakeWords.runs` and
+    `draw_motifs`.
+    """
+    length = len(slot_position)
+    again = danced.returning
+    if again is not None and len(again) == length and allowed[np.arange(length), again].all():
+        lacks = lacking(danced.counts, goal.signature, danced.n_words, need)
+        if _share_lacking(again[None], lacks)[0] >= _RETURNS:
+            return again
+    runs = words.runs(slot_position, takes, allowed)
+    if len(runs) == 0:
+        return None
+    joins = np.ones(len(runs))
+    if danced.previous is not None:
+        joins *= goal.transitions[danced.previous, runs[:, 0]] + _UNSEEN
+    if danced.following is not None:
+        joins *= goal.transitions[runs[:, -1], danced.following] + _UNSEEN
+    lacks = lacking(danced.counts, goal.signature, danced.counts.sum() + length, need)
+    weights = joins * _share_lacking(runs, lacks) ** _NEED_POWER
+    if weights.sum() <= 0:
+        weights = joins
+    drawn: Indices = runs[rng.choice(len(runs), p=weights / weights.sum())]
+    return drawn
+
+
+def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
+    """The share (M,) of the motifs of runs (M, L) that are lacking, by how often each motif (K,) is."""
+    same = runs[:, :, None] == runs[:, None, :]  # (M, L, L)
+    earlier = np.tril(same, -1).sum(axis=2)  # (M, L) how often the run has the motif before
+    share: Floats = np.clip(lacks[runs] - earlier, 0.0, 1.0).mean(axis=1)
+    return share
+
+
+# The motifs of a whole dance.
+
+
+_NO_MOTIF = -1  # in a slot that is not drawn yet
+
+
+def draw_dance(
+    request: DanceRequest,
+    constraints: ResolvedConstraints,
+    *,
+    rng: np.random.Generator,
+    pins: Mapping[int, int],
+    banned: Collection[int],
+) -> Indices:
+    """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
+
+    `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
+    passage has, passages are shorter. Raises as `draw_motifs`.
+    """
+    config, material = request.config, request.material
+    words = TakeWords.of(request.repertoire)
+    starts_s = constraints.bounds_s[:-1]
+    position = bar_positions(starts_s, constraints.counts)
+    parts = material.parts_at(starts_s)
+    possible = possible_motifs(position, words.position, constraints.take_wanted, words.vocabulary)
+    goals = [part.goal for part in material.goals]
+    if config.phrase_counts == 1:
+        return draw_motifs_of_parts(
+            parts, goals, rng=rng, pins=pins, banned=banned, possible=possible, need=config.motif_draw
+        )
+    allowed = allowed_motifs(possible, pins, banned)
+    motifs = np.full(len(parts), _NO_MOTIF)
+    motifs[list(pins)] = list(pins.values())
+    first_danced: dict[tuple[int, int, int], Indices] = {}
+    to_draw = passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form)
+    while to_draw:
+        passage = to_draw.pop(0)
+        here, goal = passage.slots, goals[parts[passage.start]]
+        danced = _danced_so_far(passage, motifs, parts, words.vocabulary.n_motifs)
+        if passage.place is not None:
+            danced = replace(danced, returning=first_danced.get(passage.place))
+        drawn = draw_passage(
+            words, goal, danced, slot_position=position[here], takes=constraints.take_wanted[passage.start],
+            allowed=allowed[here], need=config.motif_draw, rng=rng,
+        )  # fmt: skip
+        if drawn is None and passage.stop - passage.start > 1:
+            to_draw[:0] = passage.halves()
+            continue
+        if drawn is None:
+            drawn = _single_motif(goal, danced, allowed[here], config.motif_draw, rng)
+        motifs[here] = drawn
+        if passage.place is not None:
+            first_danced.setdefault(passage.place, drawn)
+    return motifs
+
+
+def _danced_so_far(passage: PassageSlots, motifs: Indices, parts: Indices, n_motifs: int) -> DancedSoFar:
+    """What is danced before a passage, with the motifs (N,) that are drawn and pinned so far."""
+    in_part = parts == parts[passage.start]
+    others = in_part.copy()
+    others[passage.slots] = False
+    known = motifs[others & (motifs != _NO_MOTIF)]
+    before = int(motifs[passage.start - 1]) if passage.start else None
+    after = int(motifs[passage.stop]) if passage.stop < len(motifs) else _NO_MOTIF
+    return DancedSoFar(
+        np.bincount(known, minlength=n_motifs).astype(np.float64),
+        before,
+        None if after == _NO_MOTIF else after,
+        int(in_part.sum()),
+    )
+
+
+def _single_motif(
+    goal: MotifGoal, danced: DancedSoFar, allowed: NDArray[np.bool_], need: str, rng: np.random.Generator
+) -> Indices:
+    """The motif (1,) of a slot that no word fits, by equation 5."""
+    motif = draw_next_motif(
+        danced.counts, goal.signature, goal.transitions, rng=rng, previous=danced.previous,
+        possible=np.concatenate([allowed, np.ones_like(allowed)]), need=need,
+    )  # fmt: skip
+    return np.array([motif])

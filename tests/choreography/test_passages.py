@@ -1,0 +1,286 @@
+"""Passages of takes: where they begin, which ones fit, how they are drawn, and when they return."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import choreograph as cg
+from choreograph.choreography.constraints import make_constraints
+from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.material import Material, SectionGoal, takes_of_genre
+from choreograph.choreography.mixer import engine as mixer
+from choreograph.choreography.mixer.words import CandidatePool
+from choreograph.choreography.motif_sequences import UNKNOWN, MotifGoal, motif_goal
+from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_dance, draw_passage, passage_slots
+from choreograph.choreography.rollout import engine as rollout
+from choreograph.choreography.slots import resolve
+from choreograph.core.counts import make_counts, numbers_in_bar
+from choreograph.core.numerics import chi_square_distance
+from choreograph.evaluation.metrics.structure import n_gram_share
+from choreograph.library.builtin import starter_repertoire
+from choreograph.library.motifs import find_motifs, make_vocabulary
+from choreograph.library.words import signature
+from choreograph.music.form import Form, Phrase, Sections
+from choreograph.music.song import Song
+from choreograph.music.song_features import SongFeatures
+
+COUNT_S = 0.5
+
+
+def lengths(passages):
+    return [passage.stop - passage.start for passage in passages]
+
+
+def form_of(*labels: int, n_counts: int = 16) -> Form:
+    """Phrases of equal length from 0 s on, with these labels."""
+    length_s = n_counts * COUNT_S
+    return Form(
+        tuple(
+            Phrase(i * length_s, (i + 1) * length_s, n_counts, 0, None if label == i else label)
+            for i, label in enumerate(labels)
+        )
+    )
+
+
+def in_bars(n_slots: int, metre: int, first: int = 1):
+    return 100 * metre + (np.arange(n_slots) + first - 1) % metre + 1
+
+
+@pytest.mark.parametrize(
+    ("position", "phrase_counts", "found"),
+    [
+        (in_bars(32, 4), 8, [8, 8, 8, 8]),
+        (in_bars(30, 4, first=3), 8, [2, 8, 8, 8, 4]),  # it begins with two counts before count 1
+        (in_bars(24, 3), 8, [9, 9, 6]),
+        (in_bars(20, 5), 8, [10, 10]),
+        (in_bars(32, 4), 16, [16, 16]),
+        (np.full(20, UNKNOWN), 8, [8, 8, 4]),
+        (np.r_[np.full(3, UNKNOWN), in_bars(16, 4)], 8, [3, 8, 8]),
+        (np.zeros(0, np.int64), 8, []),
+    ],
+)
+def test_passages_begin_with_bars_and_fill_the_dance(position, phrase_counts, found):
+    starts_s = np.arange(len(position)) * COUNT_S
+    parts = np.zeros(len(position), np.int64)
+    passages = passage_slots(position, parts, phrase_counts, starts_s, Form.empty())
+    assert lengths(passages) == found
+    assert [passage.start for passage in passages] == np.cumsum([0, *found])[: len(found)].tolist()
+
+
+def test_passages_begin_with_phrases_and_parts_and_have_the_place_of_the_first_phrase():
+    position, starts_s = in_bars(36, 4), np.arange(36) * COUNT_S
+    form = form_of(0, 1, 0, n_counts=12)
+    passages = passage_slots(position, np.zeros(36, np.int64), 8, starts_s, form)
+    assert lengths(passages) == [8, 4] * 3
+    places = [passage.place for passage in passages]
+    assert places[:2] == places[4:] and not set(places[:2]) & set(places[2:4])
+    parts = (np.arange(36) >= 20).astype(np.int64)
+    assert 20 in [passage.start for passage in passage_slots(position, parts, 8, starts_s, form)]
+
+
+# Two takes of waltz and two of rumba, all in bars of four. Every word of a genre has a motif of its own.
+N_MOTIFS = 32
+
+
+@pytest.fixture(scope="module")
+def planted() -> TakeWords:
+    word_motif = np.r_[0:16, 15:-1:-1, 16:32, 31:15:-1]
+    motifs, _ = find_motifs(np.eye(N_MOTIFS), n_motifs=N_MOTIFS)
+    start_s = np.tile(np.arange(16.0), 4)
+    vocabulary = make_vocabulary(
+        motifs, word_motif, np.repeat(np.arange(4), 16), start_s, start_s + 1.0,
+        ["waltz", "waltz", "rumba", "rumba"],
+    )  # fmt: skip
+    return TakeWords(vocabulary, in_bars(64, 4))
+
+
+def drawn(
+    planted, seed=0, *, takes=(0, 1, 2, 3), position=None, allowed=None, signature=None, **danced_so_far
+):
+    position = in_bars(8, 4) if position is None else position
+    shares = np.ones(N_MOTIFS) if signature is None else signature
+    goal = MotifGoal(shares / shares.sum(), planted.vocabulary.transitions[-1])
+    passage = draw_passage(
+        planted, goal, DancedSoFar(**{"counts": np.zeros(N_MOTIFS), **danced_so_far}), slot_position=position,
+        takes=np.isin(np.arange(4), takes), need="missing", rng=np.random.default_rng(seed),
+        allowed=np.ones((len(position), N_MOTIFS), bool) if allowed is None else allowed,
+    )  # fmt: skip
+    return None if passage is None else tuple(passage.tolist())
+
+
+def test_a_passage_is_a_run_of_words_of_one_take_on_the_counts_of_its_slots(planted):
+    motif = planted.vocabulary.word_motif
+    starts = [take + bar for take in (0, 16, 32, 48) for bar in (0, 4, 8)]
+    runs = {tuple(motif[start : start + 8].tolist()) for start in starts}
+    assert {drawn(planted, seed) for seed in range(150)} == runs
+    assert {drawn(planted, seed, takes=(2,))[0] for seed in range(30)} == {16, 20, 24}
+    from_count_3 = {drawn(planted, seed, takes=(0,), position=in_bars(2, 4, first=3)) for seed in range(60)}
+    assert from_count_3 == {(2, 3), (6, 7), (10, 11), (14, 15)}
+    assert drawn(planted, position=in_bars(6, 3)) is None  # no take is in three
+    assert drawn(planted, position=in_bars(20, 4)) is None  # no take has as many words
+
+
+def test_a_passage_has_the_motifs_that_are_allowed(planted):
+    allowed = np.ones((8, N_MOTIFS), bool)
+    allowed[5] = np.arange(N_MOTIFS) == 9  # a pin
+    assert drawn(planted, allowed=allowed) == tuple(range(4, 12))
+    allowed[:, 8] = False  # a ban
+    assert drawn(planted, allowed=allowed) is None
+
+
+def test_what_the_signature_lacks_is_drawn(planted):
+    danced = np.zeros(N_MOTIFS)
+    danced[:8] = 4.0  # the first half of the waltz
+    found = [drawn(planted, seed, takes=(0,), counts=danced) for seed in range(40)]
+    assert np.mean([run == tuple(range(8, 16)) for run in found]) > 0.9
+    rumba = np.r_[np.zeros(16), np.ones(16)]
+    assert all(drawn(planted, seed, signature=rumba)[0] >= 16 for seed in range(40))
+
+
+def test_passages_are_joined_by_transitions_that_the_takes_have(planted):
+    follows = [drawn(planted, seed, previous=3)[0] for seed in range(40)]
+    assert np.mean([first == 4 for first in follows]) > 0.8
+    leads = [drawn(planted, seed, following=28)[-1] for seed in range(40)]
+    assert np.mean([last in (27, 29) for last in leads]) > 0.8
+
+
+def test_a_passage_returns_while_half_of_its_motifs_are_lacking(planted):
+    first = np.arange(8, 16)
+    danced = np.zeros(N_MOTIFS)
+    danced[first] = 1.0
+
+    def returns(counts, n_words) -> bool:
+        found = {drawn(planted, seed, counts=counts, n_words=n_words, returning=first) for seed in range(9)}
+        return found == {tuple(first)}
+
+    assert returns(danced, 2 * N_MOTIFS) and not returns(2.0 * danced, 2 * N_MOTIFS)
+    danced[first[:4]] = 2.0
+    assert returns(danced, 2 * N_MOTIFS)
+    danced[first[4]] = 2.0
+    assert not returns(danced, 2 * N_MOTIFS)
+
+
+# Whole dances of the built-in takes, without motion.
+
+
+@pytest.fixture(scope="module")
+def starter():
+    return starter_repertoire()
+
+
+def request_of(starter, genres, *, n_counts=128, metre=4, form=None, seed=0, phrase_counts=8, **constraints):
+    """A request and its constraints: a song of equal parts of these genres."""
+    counts = make_counts(np.arange(n_counts) * COUNT_S, numbers_in_bar(n_counts, metre), metre)
+    duration_s = n_counts * COUNT_S
+    n_seconds = int(duration_s)
+    features = SongFeatures(
+        "song", duration_s, counts, np.zeros((n_seconds, 32), np.float32), np.zeros(n_seconds, np.float32),
+        np.zeros((n_seconds, 80), np.float32), Sections(np.zeros(0), np.zeros(0, np.int64)),
+        np.ones(n_seconds, np.float32), 0.0, duration_s, np.zeros(n_seconds, np.float32),
+        form=Form.empty() if form is None else form,
+    )  # fmt: skip
+    goals = tuple(
+        SectionGoal(
+            n_seconds * part // len(genres), motif_goal(starter.vocabulary, genre=genre),
+            takes_of_genre(starter, genre), genre,
+        )
+        for part, genre in enumerate(genres)
+    )  # fmt: skip
+    material = Material(goals, counts)
+    resolved = resolve(make_constraints(**constraints), starter, material, duration_s)
+    config = cg.DanceConfig(engine="mixer", seed=seed, phrase_counts=phrase_counts)
+    silence = Song(np.zeros(22050, np.float32), "song")
+    return DanceRequest(silence, features, starter, config, resolved, material)
+
+
+def motifs_of(request, *, pins=None, banned=()):
+    rng = np.random.default_rng(request.config.seed)
+    return draw_dance(request, request.constraints, rng=rng, pins=pins or {}, banned=banned)
+
+
+def takes_of(starter):
+    v = starter.vocabulary
+    return [v.word_motif[v.words_of_take(take)] for take in range(len(starter.takes))]
+
+
+@pytest.mark.parametrize(("genre", "metre"), [("house", 4), ("cha-cha", 4), ("waltz", 3)])
+def test_long_sequences_are_those_of_takes_but_dances_are_not_copies(starter, genre, metre):
+    """Chance is below 0.001. A take that is left out has 0.75 and 0.41."""
+    shares = {
+        phrase_counts: [
+            [n_gram_share(motifs_of(request_of(
+                starter, [genre], metre=metre, n_counts=120, seed=seed, phrase_counts=phrase_counts
+            )), takes_of(starter), n) for n in (4, 8)]
+            for seed in range(5)
+        ]
+        for phrase_counts in (1, 8)
+    }  # fmt: skip
+    four, eight = np.mean(shares[8], axis=0)
+    assert four > 0.7 and 0.25 < eight < 0.6
+    assert np.mean(shares[1], axis=0)[0] < 0.6 and np.mean(shares[1], axis=0)[1] < 0.2
+
+
+@pytest.mark.parametrize("genre", ["house", "hip-hop"])
+def test_passages_have_the_signature_of_their_genre(starter, genre):
+    """Single motifs come to 0.15 and 0.05. Motifs drawn at random by their shares come to 0.14."""
+    wanted = motif_goal(starter.vocabulary, genre=genre).signature
+    dances = [motifs_of(request_of(starter, [genre], seed=seed)) for seed in range(5)]
+    away = [chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in dances]
+    assert np.mean(away) < 0.1
+
+
+def motifs_of_engine(engine, request):
+    if engine == "rollout":
+        return rollout._drawn_motifs(request, request.constraints, 0, {})
+    pool = CandidatePool.of(request.constraints, request.repertoire, np.random.default_rng(0))
+    return mixer._motifs(pool, request)
+
+
+@pytest.mark.parametrize("engine", ["mixer", "rollout"])
+@pytest.mark.parametrize("phrase_counts", [1, 8])
+def test_every_part_of_a_song_is_drawn_from_the_takes_of_its_genre(starter, engine, phrase_counts):
+    request = request_of(starter, ["house", "swing", "house"], n_counts=120, phrase_counts=phrase_counts)
+    motifs = motifs_of_engine(engine, request)
+    v = starter.vocabulary
+    for part, genre in enumerate(["house", "swing", "house"]):
+        of_genre = v.word_motif[takes_of_genre(starter, genre)[v.word_take]]
+        assert np.isin(motifs[40 * part : 40 * (part + 1)], of_genre).all()
+        away = {
+            other: chi_square_distance(
+                signature(motifs[40 * part : 40 * (part + 1)], v.n_motifs),
+                motif_goal(v, genre=other).signature,
+            )
+            for other in ("house", "swing", "waltz")
+        }
+        assert min(away, key=away.get) == genre
+    assert not np.array_equal(motifs[:40], motifs[80:])
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 99), st.dictionaries(st.integers(0, 31), st.integers(0, 99), max_size=6))
+def test_pins_are_kept_and_bans_avoided(seed, pins):
+    starter = starter_repertoire()
+    banned = set(range(100, 160))
+    request = request_of(starter, ["house"], n_counts=32, seed=seed)
+    motifs = motifs_of(request, pins=pins, banned=banned)
+    assert all(motifs[slot] == motif for slot, motif in pins.items()) and not set(motifs.tolist()) & banned
+
+
+def test_a_phrase_returns_in_the_dance_and_others_differ(starter):
+    form = form_of(0, 1, 0, 3, 0, 1, 6, 3)
+    same = []
+    for seed in range(5):
+        phrases = motifs_of(request_of(starter, ["house"], form=form, seed=seed)).reshape(8, 16)
+        returned = [np.mean(phrases[i] == phrases[j]) for i, j in ((0, 2), (0, 4), (1, 5), (3, 7))]
+        others = [np.mean(phrases[i] == phrases[j]) for i, j in ((0, 1), (0, 3), (1, 3), (0, 6))]
+        same.append((np.mean(returned), np.mean(others)))
+    returned, others = np.mean(same, axis=0)
+    assert returned > 0.5 > 0.1 > others
+
+
+def test_one_seed_draws_one_dance(starter):
+    one, again, other = (motifs_of(request_of(starter, ["salsa"], seed=seed)) for seed in (3, 3, 4))
+    assert np.array_equal(one, again) and not np.array_equal(one, other)
