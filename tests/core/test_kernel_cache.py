@@ -214,4 +214,4 @@ def test_nothing_is_compiled_into_numbas_own_cache():
     folder = Path(done.stdout.strip())
     assert not list(folder.rglob("*.nb?"))
     modules = {path.name.split(".")[0] for path in _entries(folder)}
-    assert modules >= {"audio", "beat", "guf-beat", "guf-utils", "pitch", "sequence", "utils"}
+    assert modules >= {"beat", "guf-beat", "utils", "guf-utils"}  # of librosa's beat tracker
