@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from choreograph.choreography.graph.layers import ClipTable, LayerSource
+from choreograph.choreography.graph.layers import ClipTable, LayerSource, Moments
 from choreograph.choreography.graph.motif_costs import node_motifs, song_words_s
 from choreograph.choreography.graph.segments import Segments
 from choreograph.choreography.graph.warping import NO_TIME_MAP
@@ -51,11 +51,14 @@ def random_source(
     n_motifs: int = 0,
     tracked: bool = False,
     goal_starts: Sequence[int] = (),
+    moments: Sequence[Moments] | None = None,
+    returns: Sequence[int | None] | None = None,
 ) -> tuple[LayerSource, SongFeatures]:
     """A source of `n_seconds` random layers of at most 4·k nodes, and song features for it.
 
     With `n_motifs`, nodes have random motifs, two words per second. With `tracked`, about half of the
     segments belong to one of three tracks. Motifs are counted anew from `goal_starts` on.
+    `moments` and `returns` are those of `LayerSource`.
     """
     rng = np.random.default_rng(seed)
     beats = np.sort(rng.uniform(0, NODE_FRAMES, (2, n_seconds, k, 4)), axis=0).astype(np.float32)
@@ -94,7 +97,7 @@ def random_source(
         )
     source = LayerSource(
         segments, clips, RandomPoses(n_clips, seed), tie_break_s=tie_break_s, motifs=motifs,
-        n_motifs=n_motifs, goal_starts=goal_starts,
+        n_motifs=n_motifs, goal_starts=goal_starts, moments=moments, returns=returns,
     )  # fmt: skip
     return source, song_features
 

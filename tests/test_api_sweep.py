@@ -158,6 +158,7 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Layer.subset": sound(layer.subset, nodes=np.array([0])),
         "Layer.successors_in": sound(layer.successors_in, following=t.next_layer),
         "Layer.with_motif_counts": sound(layer.with_motif_counts, counts_before=layer.motif_counts),
+        "Layer.with_danced": sound(layer.with_danced, danced_before=layer.danced),
         "Layer.with_take_usage": sound(layer.with_take_usage, usage_before_s=layer.take_usage_s),
         "Motion": sound(cg.Motion, **values_of(motion)),
         "Motion.moved": sound(motion.moved, yaw_rad=1.0, shift_m=np.zeros(3)),

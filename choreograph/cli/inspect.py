@@ -328,9 +328,10 @@ def _explained_costs() -> dict[str, str]:
     """What each cost measures and when to change its weight, by the docstrings of their classes."""
     from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
     from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
+    from choreograph.choreography.graph.returns import FormCost
     from choreograph.settings import cost_names
 
-    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS]
+    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS]
     explained = {}
     for kind in [*kinds, *(type(cost) for cost in installed_costs(cost_names()))]:
         text = inspect.getdoc(kind) or ""

@@ -29,6 +29,7 @@ from choreograph.choreography.graph.costs import (
     Velocity,
 )
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
+from choreograph.choreography.graph.returns import FormCost
 from choreograph.settings import DEFAULT_WEIGHTS
 
 
@@ -350,4 +351,6 @@ def test_a_cost_has_its_class_name_or_its_own():
 
 
 def test_default_weights_are_of_the_graphs_costs():
-    assert set(DEFAULT_WEIGHTS) == {cost.name for cost in (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS)}
+    assert set(DEFAULT_WEIGHTS) == {
+        cost.name for cost in (*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS)
+    }

@@ -13,7 +13,7 @@ from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
-from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers
+from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, song_grid
 from choreograph.choreography.graph.layers import Layer, LayerSource
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
@@ -23,6 +23,7 @@ from choreograph.choreography.graph.motif_costs import (
     WeightedCost,
 )
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
+from choreograph.choreography.graph.returns import FormCost, Returns
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.progress import counted, substage
@@ -150,7 +151,7 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stillness, *MOTIF_COSTS)
+    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS)
     names = [
         *(cost.name for cost in known),
         *(cost.name for cost in costs),
@@ -218,6 +219,23 @@ def _goals(request: DanceRequest) -> tuple[Sequence[SectionGoal], tuple[str, ...
     return goals, notes
 
 
+def _form_costs(request: DanceRequest) -> list[Cost]:
+    """The cost of phrases that return, or none if no phrase returns.
+
+    Nothing is planned in held poses and in parts that are kept of another dance. There, nothing returns.
+    """
+    opening_s, closing_s = request.danced_span_s
+    kept, grid = request.kept, song_grid(request)
+
+    def is_planned(at_s: float) -> bool:
+        return opening_s <= at_s <= closing_s and not (kept and kept.keeps(at_s, at_s))
+
+    if grid is None:
+        return []
+    returns = Returns.of(request.song_features.form, grid, is_planned)
+    return [FormCost(returns)] if len(returns.seconds) else []
+
+
 def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[Path, dict[str, float]]:
     """The path of the planner, and the weights of its costs."""
     features, config = request.song_features, request.config
@@ -225,6 +243,7 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     costs += installed_costs(config.weights, request.costs)
     costs.append(Seed(config.seed))
     costs.append(Stillness(request.repertoire.clip_motion))
+    costs += _form_costs(request)
     if goals:
         parts = [(part.first_second, part.goal) for part in goals]
         costs += [Signature(parts, features), MotifTransition(parts, features)]

@@ -21,6 +21,7 @@ from choreograph.choreography.graph.motif_costs import (
     song_words_s,
     words_between,
 )
+from choreograph.choreography.graph.returns import FormCost, Returns
 from choreograph.choreography.graph.segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
 from choreograph.choreography.material import SectionGoal
@@ -118,8 +119,9 @@ def candidate_clips(
     goals: Sequence[SectionGoal],
     costs: Sequence[WeightedCost],
     allowed: AllowedNodes | None,
+    returns: Returns | None,
 ) -> NDArray[np.int64]:
-    """The candidates of each second, (S, K)."""
+    """The candidates of each second, (S, K). Where music returns, they are those of its first time."""
     repertoire = request.repertoire
 
     def may_dance(second: int) -> Mask:
@@ -129,8 +131,17 @@ def candidate_clips(
         return allowed_here
 
     if request.config.selection == "style":
-        return _nearest_in_style(request, goals, costs, may_dance)
-    return _drawn(request, goals, may_dance)
+        chosen = _nearest_in_style(request, goals, costs, may_dance)
+    else:
+        chosen = _drawn(request, goals, may_dance)
+    if returns is not None:
+        firsts_s = [goal.first_second for goal in goals]
+        goal_at = np.searchsorted(firsts_s, np.arange(len(chosen)), "right")
+        for second, first in enumerate(returns.first_seconds(len(chosen))):
+            same_request = np.array_equal(may_dance(second), may_dance(first))
+            if goal_at[second] == goal_at[first] and same_request:
+                chosen[second] = chosen[first]
+    return chosen
 
 
 def _drawn(
@@ -257,11 +268,14 @@ def make_layers(
         repertoire.clip_style,
         repertoire.clip_motion.step_ranks,
     )
+    n_seconds = features.n_seconds
+    of_form = [w.cost.returns for w in costs if isinstance(w.cost, FormCost) and w.weight]
+    returns = of_form[0] if of_form else None
     joins_s = _joins_s(request)
     segments = warp_segments(
-        candidate_clips(request, goals, costs, allowed), features.density, features.beat_times_s,
+        candidate_clips(request, goals, costs, allowed, returns), features.density, features.beat_times_s,
         _clip_density(request), repertoire.clip_motion.speed, _clip_beats(repertoire),
-        counted=_counted_clips(request, joins_s), as_recorded=config.warping == "none",
+        counted=_counted_clips(request, joins_s, returns), as_recorded=config.warping == "none",
         smoothed=config.time_maps == "smooth",
         report=substage(request.report, "warping"),
     )  # fmt: skip
@@ -277,6 +291,8 @@ def make_layers(
     return LayerSource(
         segments, clips, repertoire.clip_motion, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
         goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
+        moments=returns.moments(n_seconds) if returns else None,
+        returns=returns.returning(n_seconds) if returns else None,
     )  # fmt: skip
 
 
@@ -288,21 +304,30 @@ def _joins_s(request: DanceRequest) -> NDArray[np.float64]:
     return join_times_s(request.song_features.counts, n_borders)
 
 
-def _counted_clips(request: DanceRequest, joins_s: NDArray[np.float64]) -> CountedClips | None:
+def song_grid(request: DanceRequest) -> SongGrid | None:
+    """The grid of the beats on which takes are danced, or None if there are too few."""
+    features, counts = request.song_features, request.material.counts
+    return SongGrid.of(counts, features.duration_s, eased=counts is not features.counts)
+
+
+def _counted_clips(
+    request: DanceRequest, joins_s: NDArray[np.float64], returns: Returns | None
+) -> CountedClips | None:
     """The clips of takes with counts, or None if there are none or counts are not used."""
     if request.config.warping != "counts":
         return None
-    repertoire, features, counts = request.repertoire, request.song_features, request.material.counts
+    repertoire = request.repertoire
     takes = range(len(repertoire.takes))
     grids = TakeGrids(
         [repertoire.counts(take) for take in takes],
         [repertoire.figures(take) for take in takes],
         [repertoire.motion_beats_s(take) for take in takes],
     )
-    song = SongGrid.of(counts, features.duration_s, eased=counts is not features.counts)
+    song = song_grid(request)
     if song is None or not grids.counted.any():
         return None
-    return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s)
+    shifts = returns.shifts(len(joins_s), song) if returns else None
+    return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s, shifts)
 
 
 def _clip_density(request: DanceRequest) -> Callable[[NDArray[np.integer]], NDArray[np.float32]]:

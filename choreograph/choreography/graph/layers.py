@@ -15,7 +15,11 @@ from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
+Moments = tuple[tuple[int, float], ...]  # number of each moment, and after which share of the second it is
+
 _ALL = slice(None)
+_TAKE_FRAMES = 1 << 24  # more than the frames of any take
+MIDDLE = 0.5  # share of a second
 USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
 
 
@@ -93,7 +97,10 @@ class Layer:
     last_velocity_m_s: AnyFloats  # (N, 21, 3)
     motifs: AnyInts  # (N, W) of the node's words, in order, padded with -1. W = 0 if no cost uses motifs
     motif_counts: AnyInts  # (N, M) of each motif along the cheapest path to the node. M = 0 likewise
+    danced: AnyFloats  # (N, R) positions in takes at the moments that return, along the path. nan if later
     new_goal: bool = False  # the count of motifs restarts at this second
+    moments: Moments = ()  # of this second that return later
+    returns: int | None = None  # the moment, a number below R, that the middle of this second returns to
 
     __repr__ = one_line
 
@@ -149,6 +156,24 @@ class Layer:
         usage_s[np.arange(self.n_nodes), self.take] += 1.0
         return changed_layer(self, take_usage_s=usage_s)
 
+    def with_danced(self, danced_before: AnyFloats) -> Layer:
+        """The layer with the positions `danced_before` (N, R) of the path to each node, and its own ones.
+
+        Raises `ParameterError` for another shape or other values than floating-point numbers.
+        """
+        check_kind("danced positions", danced_before, np.ndarray)
+        shape = self.danced.shape
+        if danced_before.shape != shape or danced_before.dtype.kind != "f":
+            raise unexpected(f"danced positions {shape}", danced_before)
+        if shape[1] == 0:
+            return self
+        if not self.moments:
+            return changed_layer(self, danced=danced_before)
+        danced = danced_before.copy()
+        for number, share in self.moments:
+            danced[:, number] = positions(self, share)
+        return changed_layer(self, danced=danced)
+
     def successors_in(self, following: Layer) -> tuple[AnyInts, AnyInts]:
         """The pairs of nodes that are consecutive in one warped segment or time map.
 
@@ -167,7 +192,14 @@ class Layer:
         return row[follows], np.flatnonzero(follows)
 
 
-_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal"))
+_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal", "moments", "returns"))
+
+
+def positions(layer: Layer, share: float) -> AnyFloats:
+    """The take and frame of each node after a `share` of its second, as one number (N,) in frames."""
+    first, last = layer.take_frames.T
+    found: AnyFloats = layer.take * float(_TAKE_FRAMES) + first + share * (last - first)
+    return found
 
 
 def changed_layer(layer: Layer, **values: Any) -> Layer:
@@ -207,6 +239,8 @@ class LayerSource:
     n_motifs : number of motifs in the vocabulary
     goal_starts : seconds at which the count of motifs restarts
     join_times_s : float array (S + 5,)    when takes may change around each second, by default on the second
+    moments : `Layer.moments` of each second, and
+    returns : `Layer.returns` of each second. None if no cost uses them
     """
 
     def __init__(
@@ -220,6 +254,8 @@ class LayerSource:
         n_motifs: int = 0,
         goal_starts: Collection[int] = (),
         join_times_s: NDArray[np.float64] | None = None,
+        moments: Sequence[Moments] | None = None,
+        returns: Sequence[int | None] | None = None,
     ) -> None:
         self._segments = segments
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
@@ -231,6 +267,9 @@ class LayerSource:
         self._goal_starts = frozenset(goal_starts)
         seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
         self._join_times_s = seconds if join_times_s is None else join_times_s
+        self._moments = moments or [()] * len(segments.clip)
+        self._returns = returns or [None] * len(segments.clip)
+        self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
         self._latest_borders: dict[int, tuple[AnyFloats, AnyFloats]] = {}
 
     @property
@@ -318,7 +357,10 @@ class LayerSource:
             last_velocity_m_s=velocity[offset + 1],
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
+            danced=np.broadcast_to(self._not_danced, (len(clip), len(self._not_danced))),
             new_goal=start + offset in self._goal_starts,
+            moments=self._moments[start + offset],
+            returns=self._returns[start + offset],
         )
 
 

@@ -9,7 +9,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, changed_layer, joined_layers
+from choreograph.choreography.graph.layers import (
+    MIDDLE,
+    USAGE_DECAY_S,
+    Layer,
+    changed_layer,
+    joined_layers,
+    positions,
+)
 from choreograph.choreography.graph.motif_costs import WeightedCost, edge_costs, weighted_terms
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
@@ -21,9 +28,9 @@ _LEAST_GAIN = 1e-3  # a pass that gains less is the last
 
 
 def with_history(layer: Layer, before: Layer, parent: AnyInts | slice = slice(None)) -> Layer:
-    """The layer with the motifs and the usage of takes along the path to each node by its parent."""
+    """The layer with what the path to each node by its parent has danced: motifs, takes and positions."""
     with_counts = layer.with_motif_counts(before.motif_counts[parent])
-    return with_counts.with_take_usage(before.take_usage_s[parent])
+    return with_counts.with_take_usage(before.take_usage_s[parent]).with_danced(before.danced[parent])
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,10 +173,11 @@ def _changed(cost: NDArray[np.floating], rng: np.random.Generator | None) -> NDA
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """The motifs and takes that a path dances after each second."""
+    """What a path dances after each second: its motifs and takes, and where the music returns."""
 
     motif_counts: NDArray[np.int16]  # (S, M) in the rest of the second's goal
     take_usage_s: NDArray[np.float32]  # (S, takes) less, the later a take is used
+    danced: NDArray[np.float64]  # (R,) positions in the seconds that return to each moment
 
     @classmethod
     def of(cls, nodes: Sequence[Layer]) -> _Rest:
@@ -184,7 +192,11 @@ class _Rest:
             if usage_s.shape[1]:
                 usage_s[second] = usage_s[second + 1] * np.float32(np.exp(-1.0 / USAGE_DECAY_S))
                 usage_s[second, node.take[0]] += 1.0
-        return cls(counts, usage_s)
+        danced = np.full(nodes[0].danced.shape[1], np.nan)
+        for node in nodes:
+            if node.returns is not None:
+                danced[node.returns] = positions(node, MIDDLE)[0]
+        return cls(counts, usage_s, danced)
 
     def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
         """The layer before `second`, as if the rest of the path after that second had been danced as well."""
@@ -193,4 +205,5 @@ class _Rest:
             layer,
             motif_counts=counts + self.motif_counts[second],
             take_usage_s=layer.take_usage_s + self.take_usage_s[second],
+            danced=np.where(np.isnan(layer.danced), self.danced, layer.danced),
         )

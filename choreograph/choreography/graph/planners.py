@@ -21,6 +21,7 @@ from choreograph.choreography.graph.motif_costs import (
     edge_costs,
     weighted_terms,
 )
+from choreograph.choreography.graph.returns import FormCost
 from choreograph.core.errors import NoPathError
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts
@@ -244,7 +245,7 @@ def _viterbi_step(
     order = np.argsort(reached, kind="stable")
     order = order[np.isfinite(reached[order])]
     with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
-    thread_safe = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS) for w in with_edges)
+    thread_safe = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS, FormCost) for w in with_edges)
     bound = np.zeros(following.n_nodes)
     for w in with_edges:
         bound += (

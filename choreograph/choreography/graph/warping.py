@@ -155,6 +155,7 @@ class CountedClips:
     takes: TakeGrids
     song: SongGrid
     join_times_s: Floats  # (S + 5,) where takes may change, around every second of the song
+    later_counts: Floats  # (S,) by which a second begins later in the bar than the one whose clips it has
 
     @classmethod
     def of(
@@ -164,11 +165,13 @@ class CountedClips:
         takes: TakeGrids,
         song: SongGrid,
         join_times_s: Floats,
+        later_counts: Floats | None = None,
     ) -> CountedClips:
         """Clips by their takes (N,) and first frames (N,) at 20 fps."""
         start_s = start_frame / NET_FPS
         middle_s = start_s + (CLIP_FRAMES - SEGMENT_FRAMES) / 2 / NET_FPS
-        return cls(take, start_s, takes.index_at(take, middle_s), takes, song, join_times_s)
+        later_counts = np.zeros(len(join_times_s)) if later_counts is None else later_counts
+        return cls(take, start_s, takes.index_at(take, middle_s), takes, song, join_times_s, later_counts)
 
 
 def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips) -> CountMaps:
@@ -183,6 +186,7 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
     candidates = np.flatnonzero(takes.counted[clips.take[clip]])
     counted = clip[candidates]  # (K',)
     take, start_s, wanted = clips.take[counted], clips.start_s[counted], clips.middle_index[counted]
+    wanted = wanted + clips.later_counts[second]
     index = song.index_at(second + np.arange(SEGMENT_FRAMES + 1) / NET_FPS)  # (81,)
     beats = np.arange(*np.ceil(index[[0, -1]] - _ON_BEAT).astype(int))  # (Q,) inside the 4 s
     nearest = np.round(wanted - index[0])  # (K',)

@@ -11,5 +11,6 @@ from . import labels as labels
 from . import motion_beat_detectors as motion_beat_detectors
 from . import physical as physical
 from . import requests as requests
+from . import returns as returns
 from . import structure as structure
 from . import transitions as transitions

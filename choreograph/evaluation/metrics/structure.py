@@ -164,13 +164,25 @@ def longest_repeat_s(takes: Sequence[str], pieces_s: Floats) -> float:
     4.0
     """
     rows = _checked_pieces(takes, pieces_s)
-    times_s = np.arange(rows[0, 0], rows[-1, 1], STEP_S)
-    piece = np.clip(np.searchsorted(rows[:, 0], times_s, side="right") - 1, 0, None)
-    start, end, source_start, source_end = rows[piece].T
-    source_s = source_start + (times_s - start) / (end - start) * (source_end - source_start)
-    take = np.unique(list(takes), return_inverse=True)[1][piece]
+    take, source_s = source_at(takes, rows, np.arange(rows[0, 0], rows[-1, 1], STEP_S))
     same = (take[:, None] == take) & (np.abs(source_s[:, None] - source_s) <= SAME_S)
     return _longest_diagonal(same, first_lag=round(SOON_S / STEP_S) + 1) * STEP_S
+
+
+def source_at(takes: Sequence[str], pieces_s: Floats, times_s: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The number of the take that is danced at each of these times (...), and the time in it, in seconds.
+
+    Examples
+    --------
+    >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4]])
+    >>> cg.metrics.structure.source_at(["b", "a"], pieces_s, np.array([1.0, 5.0]))
+    (array([1, 0]), array([11.,  1.]))
+    """
+    rows = _checked_pieces(takes, pieces_s)
+    piece = np.clip(np.searchsorted(rows[:, 0], times_s, side="right") - 1, 0, None)
+    start, end, source_start, source_end = np.moveaxis(rows[piece], -1, 0)
+    source_s = source_start + (times_s - start) / (end - start) * (source_end - source_start)
+    return np.unique(list(takes), return_inverse=True)[1].astype(np.int64)[piece], source_s
 
 
 def distinct_takes_per_minute(takes: Sequence[str], duration_s: float) -> float:
