@@ -249,7 +249,10 @@ def test_outputs_are_whole_or_absent(made, tmp_path):
         ({"engine": "mixer"}, ["mixing"]),
     ],
 )
-def test_progress_goes_forward_to_the_end_of_every_stage_in_order(settings, dancing, song, tmp_path):
+def test_progress_goes_forward_to_the_end_of_every_stage_in_order(
+    settings, dancing, song, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("CHOREOGRAPH_CACHE", str(tmp_path))  # without a kept analysis of the song
     repertoire = synthetic_repertoire(tmp_path / "motifs.h5", vocabulary=True)
     seen: dict[str, list[tuple[int, int]]] = {}
     order = []
