@@ -5,15 +5,16 @@ from __future__ import annotations
 import json
 import re
 import reprlib
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from choreograph.core.arguments import is_number
+from choreograph.core.arguments import fields_of_json
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
 from choreograph.core.progress import counted
@@ -26,6 +27,8 @@ VERSION = 1
 _AGAIN = "make it again with `choreograph dance SONG -o plan.json`"
 _SETTINGS = ("planner", "blending", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
+AMPLITUDES = 0.5, 1.5  # the least and the greatest of a plan, which may be edited
+SHORTEST_STOP_S = 1.0  # and the least time from one stop to the next
 _TOUCH_S = 1e-3  # largest distance between words without a gap
 
 
@@ -119,6 +122,8 @@ class Plan:
     lock_feet: bool = True  # hold planted feet in place when it is rendered
     keep_on_stage: bool = True  # by small rotations at transitions
     least_cost: float | None = None  # lower bound of the total cost of all paths, if it was asked for
+    amplitudes: tuple[float, ...] = ()  # of each second, 1 for the size of the takes, or none if all are 1
+    stops_s: tuple[tuple[float, float], ...] = ()  # from when it stands still, until when it moves again
     front: str = "audience"  # to which rotations at transitions bring the dancer back, or "free" for none
 
     def __repr__(self) -> str:
@@ -224,7 +229,7 @@ class Plan:
         for key in ("seconds", "words"):
             if not isinstance(data.get(key), list):
                 raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(data.get(key))}")
-        known = _known(cls, data, name, except_for=("seconds", "words"))
+        known = _fields(cls, data, name, except_for=("seconds", "words"))
         seconds = tuple(_second(entry, name, index) for index, entry in enumerate(data["seconds"]))
         words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(data["words"]))
         plan = cls(**known, seconds=seconds, words=words)
@@ -263,7 +268,24 @@ class Plan:
             yield f"expected only words of the {self.engine} engine, got {len(self.seconds)} seconds"
         if (self.seconds or self.engine == "graph") and len(self.seconds) < self.duration_s:
             yield f"expected seconds for {self.duration_s} s, got {len(self.seconds)}"
+        yield from self._faults_of_dynamics()
         yield from self._faults_of_words()
+
+    def _faults_of_dynamics(self) -> Iterator[str]:
+        """Amplitudes out of range or not of every second, and stops that are not in order."""
+        least, greatest = AMPLITUDES
+        if self.amplitudes and not all(least <= amplitude <= greatest for amplitude in self.amplitudes):
+            yield f"expected amplitudes from {least:g} to {greatest:g}, got {reprlib.repr(self.amplitudes)}"
+        if self.amplitudes and len(self.amplitudes) < self.duration_s:
+            yield f"expected amplitudes for {self.duration_s} s, or none, got {len(self.amplitudes)}"
+        times_s = [0.0, *(time_s for span_s in self.stops_s for time_s in span_s), self.duration_s]
+        if any(
+            after_s - before_s < SHORTEST_STOP_S for before_s, after_s in pairwise(times_s) if self.stops_s
+        ):
+            yield (
+                f"expected stops_s in order, within the dance, and {SHORTEST_STOP_S:g} s or more between "
+                f"their times, got {reprlib.repr(self.stops_s)}"
+            )
 
     def _faults_of_words(self) -> Iterator[str]:
         """Words that are not in order, overlap, or leave gaps that no seconds fill."""
@@ -338,9 +360,12 @@ def _of_this_version(data: Any, name: str) -> dict[str, Any]:
     return {key: value for key, value in data.items() if key not in ("format", "version")}
 
 
+_fields = partial(fields_of_json, missing=_AGAIN)
+
+
 def _second(entry: Any, name: str, index: int) -> PlannedSecond:
     where = f"{name}: second {index}"
-    known = _known(PlannedSecond, entry, where, except_for=("credits",))
+    known = _fields(PlannedSecond, entry, where, except_for=("credits",))
     times = known["source_times_s"]
     if len(times) != NODE_FRAMES + 1 or not (np.diff(times) > 0).all():
         raise FormatError(
@@ -357,43 +382,9 @@ def _second(entry: Any, name: str, index: int) -> PlannedSecond:
             f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more, got "
             f"{known['offset']} and {known['clip_start_s']}"
         )
-    return PlannedSecond(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
+    return PlannedSecond(**known, credits=Credits(**_fields(Credits, entry.get("credits"), where)))
 
 
 def _word(entry: Any, where: str) -> PlannedWord:
-    known = _known(PlannedWord, entry, where, except_for=("credits",))
-    return PlannedWord(**known, credits=Credits(**_known(Credits, entry.get("credits"), where)))
-
-
-def _known(kind: type, data: Any, where: str, *, except_for: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields of dataclass `kind` in `data`, each of its declared type. Raises `FormatError` otherwise."""
-    if not isinstance(data, dict):
-        raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
-    wanted = {f.name: str(f.type) for f in fields(kind)}
-    unknown = set(data) - set(wanted)
-    if unknown:
-        raise FormatError(f"{where}: expected keys among {', '.join(wanted)}, got {min(unknown)[:80]!r}")
-    known = {}
-    for key, declared in wanted.items():
-        if key in except_for:
-            continue
-        if key not in data:
-            raise FormatError(f"{where}: expected a key {key}, got none: {_AGAIN}")
-        value = data[key]
-        if not _IS_A[declared](value):
-            raise FormatError(f"{where}: expected {key} as {declared}, got {reprlib.repr(value)}")
-        known[key] = tuple(value) if isinstance(value, list) else value
-    return known
-
-
-# Declared type of a field -> whether a value from JSON is one. Whole numbers here count or index.
-_IS_A: dict[str, Callable[[Any], bool]] = {
-    "str": lambda v: isinstance(v, str),
-    "int": lambda v: is_number(v) and isinstance(v, int) and v >= 0,
-    "float": is_number,
-    "bool": lambda v: isinstance(v, bool),
-    "dict[str, float]": lambda v: isinstance(v, dict) and all(map(is_number, v.values())),
-    "float | None": lambda v: v is None or is_number(v),
-    "tuple[int, ...]": lambda v: isinstance(v, list) and all(is_number(n) and isinstance(n, int) for n in v),
-    "tuple[float, ...]": lambda v: isinstance(v, list) and all(map(is_number, v)),
-}
+    known = _fields(PlannedWord, entry, where, except_for=("credits",))
+    return PlannedWord(**known, credits=Credits(**_fields(Credits, entry.get("credits"), where)))

@@ -154,6 +154,11 @@ class DanceConfig:
     """Another song, whose style the motion takes on. None takes the style of the song itself. Used by the
     rollout engine."""
 
+    dynamics: Annotated[float, Range(0, 1)] = 1.0
+    """How much the size of the dance follows the dynamics of the music, from 0 (not at all, as real ballroom
+    dancers) to 1. With 1, the dance is up to 50 % smaller in soft parts and 10 % larger in loud ones, and
+    stops where the music is silent. Set it to 0 to dance in the size of the takes. Used by all engines."""
+
     fps: Annotated[float, Range(1, 1000)] = 60.0
     """Frames per second of the dance. Game engines often use 30. Used by all engines."""
 
@@ -209,6 +214,7 @@ class DanceSettings(TypedDict, total=False):
     style_strength: float | None
     style_window: StyleWindow | None
     style_song: str | Path | Song | None
+    dynamics: float
     fps: float
     seed: int
     beats: str | Path
@@ -286,7 +292,7 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 #
 # Nothing is added to the paper. There are no contrast, rhythm features, augmentation or pretrained networks.
 # There are no smoothed time maps, matched beats or locked feet, neither in the takes nor in the dance. There
-# are no held poses at the ends, no steering to the stage, and no other costs.
+# are no held poses, no dynamics, no steering to the stage, and no other costs.
 #
 # Where the paper is silent, we chose:
 #
@@ -339,7 +345,7 @@ WEIGHTS: dict[str, float] = {
 DANCE: dict[str, Any] = {
     "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "clip",
     "time_maps": "raw", "blending": "linear", "transitions": "seconds", "lock_feet": False,
-    "hold_ends": False, "keep_on_stage": False, "front": "free", "weights": WEIGHTS,
+    "hold_ends": False, "keep_on_stage": False, "front": "free", "dynamics": 0.0, "weights": WEIGHTS,
 }  # fmt: skip
 
 

@@ -212,6 +212,14 @@ def test_the_table_of_loud_and_soft_sections(db, run_script):
         assert expected in shown
 
 
+@pytest.mark.slow
+def test_the_table_of_dynamics(run_script):
+    given = ("--genres", "house", "--groups", "crescendo", "--seeds", 1)
+    shown = run_script("dynamics", *given, DURATION_S={"crescendo": 16.0})
+    for expected in ("crescendo: 1 songs, 1 seeds, graph", "crescendo, default:", "dynamics 0, energy 0:"):
+        assert expected in shown
+
+
 def commands(page: Path) -> list[str]:
     """The `choreograph …` lines of a page's code blocks; a line that ends in \\ goes on."""
     blocks = re.findall(r"```\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.S)

@@ -85,6 +85,47 @@ def test_bars_and_held_poses_round_trip():
     jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
 
 
+LONGER = replace(PLAN, duration_s=4.0, seconds=tuple(planned(s) for s in range(4)))
+
+
+def test_amplitudes_and_stops_round_trip():
+    plan = replace(LONGER, amplitudes=(0.5, 1.0, 1.1, 1.5), stops_s=((1.0, 2.5),))
+    assert Plan.from_json(plan.to_json()) == plan
+    jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"amplitudes": [0.4, 1.0, 1.0, 1.0]}, r"expected amplitudes from 0\.5 to 1\.5, got \(0\.4, "),
+        ({"amplitudes": [1.0, 1.0, 1.0]}, r"expected amplitudes for 4\.0 s, or none, got 3"),
+        ({"amplitudes": ["loud"] * 4}, r"expected amplitudes as tuple\[float, \.\.\.\], got \['loud'"),
+        ({"stops_s": [[0.5, 2.0]]}, r"expected stops_s in order, within the dance, and 1 s or more between"),
+        ({"stops_s": [[1.0, 1.5]]}, "expected stops_s in order"),
+        ({"stops_s": [[1.0, 3.5]]}, "expected stops_s in order"),
+        (
+            {"stops_s": [1.0, 2.5]},
+            r"expected stops_s as tuple\[tuple\[float, float\], \.\.\.\], got \[1\.0, ",
+        ),
+        ({"stops_s": [[1.0, 2.0, 3.0]]}, "expected stops_s as tuple"),
+    ],
+)
+def test_amplitudes_and_stops_that_cannot_be_danced_are_refused(changes, expected):
+    text = json.dumps({**json.loads(LONGER.to_json()), **changes})
+    with pytest.raises(FormatError, match=expected):
+        Plan.from_json(text)
+
+
+def test_a_plan_without_amplitudes_is_refused_with_the_command_that_makes_it_anew():
+    older = json.loads(PLAN.to_json())
+    del older["amplitudes"]
+    expected = (
+        r"expected a key amplitudes, got none: make it again with `choreograph dance SONG -o plan\.json`"
+    )
+    with pytest.raises(FormatError, match=expected):
+        Plan.from_json(json.dumps(older))
+
+
 @pytest.mark.parametrize("version", [0, 2, 7, True, None])
 def test_other_versions_are_refused_with_the_command_that_makes_a_plan_anew(version):
     text = json.dumps({**json.loads(PLAN.to_json()), "version": version})

@@ -11,6 +11,8 @@ from dataclasses import dataclass, fields
 from pkgutil import resolve_name
 from typing import Any, Protocol
 
+import numpy as np
+
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.costs import Cost
 from choreograph.choreography.material import Material
@@ -23,7 +25,8 @@ from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
+from choreograph.plan import SHORTEST_STOP_S, Plan
+from choreograph.render.dynamics import amplitudes
 from choreograph.settings import ENGINE_GROUP, DanceConfig
 
 # The built-in engines. Their modules import this one, so they are imported when `engines` is called.
@@ -32,7 +35,7 @@ BUILTIN_ENGINES = {
     "mixer": "choreograph.choreography.mixer.engine:MixerEngine",
     "rollout": "choreograph.choreography.rollout.engine:RolloutEngine",
 }
-COMMON_SETTINGS = frozenset({"engine", "fps", "seed", "beats", "cache"})  # that every engine uses
+COMMON_SETTINGS = frozenset({"engine", "dynamics", "fps", "seed", "beats", "cache"})  # that every engine uses
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,38 @@ class DanceRequest:
             features.duration_s if late else features.closing_s,
         )
 
+    @property
+    def _amplitudes(self) -> tuple[float, ...]:
+        """The amplitude of each second. Requested motifs and pinned takes keep their size."""
+        fixed = [
+            range(max(0, int(start_s) - 1), int(np.ceil(end_s)) + 1) for start_s, end_s in self._fixed_spans_s
+        ]
+        seconds = {second for spans in fixed for second in spans}
+        return amplitudes(self.song_features.energy, self.config.dynamics, seconds)
+
+    @property
+    def _stops_s(self) -> tuple[tuple[float, float], ...]:
+        """The stops within the danced span. There is none near requested motifs, nor with pinned takes."""
+        if not self.config.dynamics or self.constraints.requested.take_pins:
+            return ()
+        first_s, last_s = self.danced_span_s
+        return tuple(
+            (rests_s, moves_s)
+            for rests_s, moves_s in self.song_features.stops_s
+            if first_s + SHORTEST_STOP_S <= rests_s
+            and moves_s + SHORTEST_STOP_S <= last_s
+            and not any(
+                start_s < moves_s + 1 and end_s > rests_s - 1 for start_s, end_s in self._fixed_spans_s
+            )
+        )
+
+    @property
+    def _fixed_spans_s(self) -> list[tuple[float, float]]:
+        """The times of requested motifs and pinned takes."""
+        bounds_s = self.constraints.bounds_s
+        of_motifs = [(float(bounds_s[slot]), float(bounds_s[slot + 1])) for slot in self.constraints.motifs]
+        return [*of_motifs, *((pin.start_s, pin.end_s) for pin in self.constraints.requested.take_pins)]
+
     def new_plan(self, **parts: Any) -> Plan:
         """A plan with the song, the repertoire and the settings, as every engine stores them."""
         features, config, counts = self.song_features, self.config, self.song_features.counts
@@ -81,7 +116,7 @@ class DanceRequest:
             "metre": counts.metre, "opening_s": opening_s,
             "closing_s": closing_s if closing_s < features.duration_s else None,
             "lock_feet": config.lock_feet, "keep_on_stage": config.keep_on_stage,
-            "front": config.front,
+            "front": config.front, "amplitudes": self._amplitudes, "stops_s": self._stops_s,
         }  # fmt: skip
         return Plan(**{**common, **parts})
 

@@ -129,6 +129,7 @@ def to_bytes(analysis: Analysis) -> bytes:
         "name": features.name,
         **{name: float(getattr(features, name)) for name in _NUMBERS},
         "counts": [counts.metre, counts.source, counts.confidence],
+        "stops_s": features.stops_s,
         "phrases": [asdict(phrase) for phrase in features.form.phrases],
         "notes": notes,
     }
@@ -156,6 +157,7 @@ def from_bytes(content: bytes) -> Analysis:
         name=about["name"],
         counts=Counts(arrays["times_s"], arrays["numbers"], metre, source, confidence, arrays["uncertainty"]),
         sections=Sections(arrays["bounds_s"], arrays["labels"]),
+        stops_s=tuple((rests_s, moves_s) for rests_s, moves_s in about["stops_s"]),
         form=Form(tuple(Phrase(**phrase) for phrase in about["phrases"])),
         **{name: arrays[name] for name in _ARRAYS},
         **{name: about[name] for name in _NUMBERS},

@@ -26,7 +26,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, check_beats, names_a_tracker, song_counts
 from choreograph.music.danced_span import dance_span_s
 from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
-from choreograph.music.mel import log_mel, onset_density
+from choreograph.music.mel import log_mel, onset_density, onset_envelopes
 from choreograph.music.metrical_level import (
     at_changes,
     between,
@@ -38,7 +38,7 @@ from choreograph.music.metrical_level import (
 )
 from choreograph.music.rhythm import off_beat_share, rhythm_features
 from choreograph.music.song import Song
-from choreograph.music.song_features import SongFeatures, energy_per_second, music_density
+from choreograph.music.song_features import SongFeatures, energy_per_second, music_density, stops_s
 from choreograph.music.spectral import spectral_features
 from choreograph.nets.inference import SongStyle
 
@@ -114,12 +114,13 @@ def _analysis(
         beat_count,
         _wanted_density(repertoire, mel, counts.times_s, n_seconds),
         sections,
-        energy_per_second(song.samples, n_seconds),
+        energy_per_second(song.samples, n_seconds, onset_envelopes(mel).mean(axis=1)),
         opening_s,
         closing_s,
         onset_density(mel, n_seconds),
         off_beat_share(rhythm),
         form,
+        stops_s(song.samples, counts),
     )
     return features, tuple(notes)
 

@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 import reprlib
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import fields
 from types import UnionType
 from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.errors import ParameterError
+from choreograph.core.errors import FormatError, ParameterError
 
 _EXACT = 2.0**53  # below it, floats hold every whole number
 
@@ -123,3 +124,55 @@ def check_function(what: str, value: object) -> None:
     """Raise `ParameterError` unless a value is None or a function."""
     if not (value is None or callable(value)):
         raise unexpected(f"a function as {what}", value)
+
+
+# Fields of dataclasses in JSON.
+
+
+def fields_of_json(
+    kind: type, data: Any, where: str, *, missing: str, except_for: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The fields of dataclass `kind` in JSON `data`, each of its declared type.
+
+    Raises `FormatError` otherwise. If a key is missing, the error ends with the text `missing`.
+    """
+    if not isinstance(data, dict):
+        raise FormatError(f"{where}: expected {kind.__name__.lower()} by key, got {reprlib.repr(data)}")
+    wanted = {f.name: str(f.type) for f in fields(kind)}
+    unknown = set(data) - set(wanted)
+    if unknown:
+        raise FormatError(f"{where}: expected keys among {', '.join(wanted)}, got {min(unknown)[:80]!r}")
+    known = {}
+    for key, declared in wanted.items():
+        if key in except_for:
+            continue
+        if key not in data:
+            raise FormatError(f"{where}: expected a key {key}, got none: {missing}")
+        value = data[key]
+        if not _IS_A[declared](value):
+            raise FormatError(f"{where}: expected {key} as {declared}, got {reprlib.repr(value)}")
+        known[key] = _as_tuple(value)
+    return known
+
+
+def _as_tuple(value: Any) -> Any:
+    """A list as a tuple, and its lists as tuples. Other values are returned as they are."""
+    return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value
+
+
+def _is_span(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(is_number, value))
+
+
+# Declared type of a field -> whether a value from JSON is one. Whole numbers here count or index.
+_IS_A: dict[str, Callable[[Any], bool]] = {
+    "str": lambda v: isinstance(v, str),
+    "int": lambda v: is_number(v) and isinstance(v, int) and v >= 0,
+    "float": is_number,
+    "bool": lambda v: isinstance(v, bool),
+    "dict[str, float]": lambda v: isinstance(v, dict) and all(map(is_number, v.values())),
+    "float | None": lambda v: v is None or is_number(v),
+    "tuple[int, ...]": lambda v: isinstance(v, list) and all(is_number(n) and isinstance(n, int) for n in v),
+    "tuple[float, ...]": lambda v: isinstance(v, list) and all(map(is_number, v)),
+    "tuple[tuple[float, float], ...]": lambda v: isinstance(v, list) and all(map(_is_span, v)),
+}

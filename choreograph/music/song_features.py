@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import maximum_filter1d, median_filter
+from scipy.signal import butter, sosfilt
 
 from choreograph.core.counts import Counts
 from choreograph.core.progress import one_line
-from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
+from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
 from choreograph.music.form import Form, Sections
 
 # `SongFeatures`, the features of a song per second that the engines use for planning.
@@ -37,12 +38,13 @@ class SongFeatures:
     beat_count: NDArray[np.float32]  # (S,) motion beats expected in those 4 s
     density: NDArray[np.float32]  # (S, 80) target tempo-density of those 4 s, 20 fps
     sections: Sections
-    energy: NDArray[np.float32]  # (S,) loudness, 0 … 1 from 6 dB below its loud level
+    energy: NDArray[np.float32]  # (S,) 0 … 1 from its soft to its loud level: see `energy_per_second`
     opening_s: float  # the first count that is danced. Before it the first pose is held
     closing_s: float  # the last count that is danced
     onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
     off_beat: float = 1.0  # share of percussion that is between the beats: see `off_beat_share`
     form: Form = field(default_factory=Form.empty)  # its phrases, and which of them repeat others
+    stops_s: tuple[tuple[float, float], ...] = ()  # from when a dance rests, until when it moves again
 
     __repr__ = one_line
 
@@ -57,36 +59,123 @@ class SongFeatures:
         return len(self.style)
 
 
-# Energy of a song: the loudness of each second relative to the others, which dancers follow.
+# Energy of a song, by which a dance is larger or smaller: its level, bass and brightness relative to its own.
 
 
 _SPAN_S = 5  # of the moving median, which keeps phrases and removes beats, bangs and short pauses
 _SILENT_DB = 60.0  # below the loudest second. Quieter seconds are silent
-_RANGE_DB = 6.0  # the break of a mastered song is 4 to 6 dB below its chorus
+_BASS_HZ, _BRIGHT_HZ = 150.0, 2000.0  # below the first is the bass, and above the second the brightness
+# The least range of level, bass, brightness and density of onsets, in dB. Smaller differences remain small.
+# The break of a mastered song is 4 to 6 dB below its chorus.
+_RANGES_DB = np.array([6.0, 12.0, 12.0, 3.0])
+_WIDEST_DB = 24.0  # the greatest range. A song that fades in from silence still has soft parts
+_SHARES = np.array([0.5, 0.2, 0.15, 0.15])  # of the energy, of the same four
+_INAUDIBLE = 1e-4  # of the song's greatest power. Weaker bass or brightness does not count
+_PERCENTILES = 5, 95  # of the seconds with sound, between which the energy rises from 0 to 1
 
 
-def energy_per_second(samples: NDArray[np.floating], n_seconds: int) -> NDArray[np.float32]:
-    """Energy (S,) of each second of a song, mono at 22.05 kHz: 1 at its loud level, 0 at 6 dB below or less.
+def energy_per_second(
+    samples: NDArray[np.floating], n_seconds: int, onsets: NDArray[np.floating] | None = None
+) -> NDArray[np.float32]:
+    """Energy (S,) of each second of a song, mono at 22.05 kHz, from 0 to 1.
 
-    Its loud level is the 90th percentile of the seconds with sound, so that one bang does not lower the
-    energy of all other seconds. Silent seconds have energy 0.
+    It is the weighted mean of the level, the level of the bass, that of the brightness, and the density of
+    onsets, each relative to percentiles of the song: 1 at the 95th and 0 at the 5th, or at the least range
+    below the 95th. One bang therefore does not lower the energy of all other seconds, and a song of one
+    loudness has an energy near 1. Silent seconds have energy 0.
+
+    `onsets` (T,) is the onset strength at 60 fps (`music.mel.onset_envelopes`). Without it, there are only
+    the levels.
     """
     n_samples = min(len(samples), n_seconds * SAMPLE_RATE_HZ)
-    power = np.zeros(n_seconds)
+    filters = [butter(2, _BASS_HZ, "low", fs=SAMPLE_RATE_HZ, output="sos"),
+               butter(2, _BRIGHT_HZ, "high", fs=SAMPLE_RATE_HZ, output="sos")]  # fmt: skip
+    states = [np.zeros((len(sos), 2)) for sos in filters]
+    power = np.zeros((n_seconds, 4))
     for second in range(n_seconds):
         padded = np.zeros(SAMPLE_RATE_HZ)
         part = samples[second * SAMPLE_RATE_HZ : min((second + 1) * SAMPLE_RATE_HZ, n_samples)]
         padded[: len(part)] = part
-        power[second] = np.square(padded).mean()
+        power[second, 0] = np.square(padded).mean()
+        for index, sos in enumerate(filters):
+            filtered, states[index] = sosfilt(sos, padded, zi=states[index])
+            power[second, 1 + index] = np.square(filtered).mean()
     if n_seconds > 1 and n_samples < n_seconds * SAMPLE_RATE_HZ:  # the last second is not full
         power[-1] *= SAMPLE_RATE_HZ / max(1, n_samples - (n_seconds - 1) * SAMPLE_RATE_HZ)
     if not power.any():
         return np.zeros(n_seconds, np.float32)
-    level_db = 10.0 * np.log10(median_filter(power, _SPAN_S, mode="nearest") + 1e-12)
-    sounding = level_db > level_db.max() - _SILENT_DB
-    energy = 1.0 + (level_db - np.percentile(level_db[sounding], 90)) / _RANGE_DB
-    per_second: NDArray[np.float32] = np.clip(energy, 0.0, 1.0).astype(np.float32)
+    power = median_filter(power, (_SPAN_S, 1), mode="nearest")
+    power[:, 1:3] += _INAUDIBLE * power[:, 0].max()
+    level_db = 10.0 * np.log10(power + 1e-12)  # (S, 4)
+    if onsets is not None:
+        borders = np.minimum(np.arange(n_seconds) * MUSIC_FPS, len(onsets) - 1)
+        sums = np.add.reduceat(np.asarray(onsets, np.float64), borders)
+        level_db[:, 3] = 10.0 * np.log10(median_filter(sums, _SPAN_S, mode="nearest") / MUSIC_FPS + 1e-3)
+    sounding = level_db[:, 0] > level_db[:, 0].max() - _SILENT_DB
+    soft_db, loud_db = np.percentile(level_db[sounding], _PERCENTILES, axis=0)
+    parts = 1.0 + (level_db - loud_db) / np.clip(loud_db - soft_db, _RANGES_DB, _WIDEST_DB)
+    shares = _SHARES[: 3 if onsets is None else 4]
+    energy = np.clip(parts[:, : len(shares)], 0.0, 1.0) @ shares / shares.sum() * sounding
+    per_second: NDArray[np.float32] = energy.astype(np.float32)
     return per_second
+
+
+# Stops: silences within a song, for which a dance stands still.
+
+
+_LEVEL_FPS = 20  # of the level by which silences are found
+_AROUND_S = 4.0  # to each side, the loudest part of which a silence is relative to
+_SILENCE_DB = 36.0  # below it
+_SHORTEST_SILENCE_S = 0.8
+_SHORTEST_STOP_S = 1.0  # and the least time between two stops
+_ATTACK_S = 0.06  # within which a sound at a count begins
+# From a count that sounds until the pose is reached, or before a silent one. After a stop, the dance is at
+# full speed as long after, or before, count 1.
+_AFTER_S, _BEFORE_S = 0.1, 0.05
+
+
+def stops_s(samples: NDArray[np.floating], counts: Counts) -> tuple[tuple[float, float], ...]:
+    """The stops of a song, mono at 22.05 kHz: from when a dance rests, and until when it moves again.
+
+    A stop is a silence of 0.8 s or more between sounds. Its end is the next count 1 on which the music has
+    returned, and it lasts whole bars, so that counts remain in order. The pose is reached just after a count
+    that sounds, or just before a silent one. Without bars, there are no stops.
+    """
+    downbeats_s = counts.downbeat_times_s
+    found: list[tuple[float, float]] = []
+    for start_s, end_s in _silences_s(samples):
+        returns = np.searchsorted(downbeats_s, end_s - _ATTACK_S)
+        starts = np.abs(downbeats_s - (start_s - _ATTACK_S)).argmin() if len(downbeats_s) else 0
+        if returns == len(downbeats_s) or starts >= returns:
+            continue
+        first_s, last_s = float(downbeats_s[starts]), float(downbeats_s[returns])
+        sounds = first_s < start_s - _ATTACK_S
+        shift_s = _AFTER_S if sounds else -_BEFORE_S
+        stop_s = (round(first_s + shift_s, 3), round(last_s + shift_s, 3))
+        before_s = found[-1][1] if found else 0.0
+        if min(stop_s[1] - stop_s[0], stop_s[0] - before_s) >= _SHORTEST_STOP_S:
+            found.append(stop_s)
+    return tuple(found)
+
+
+def _silences_s(samples: NDArray[np.floating]) -> list[tuple[float, float]]:
+    """The silences between sounds, in seconds."""
+    size = SAMPLE_RATE_HZ // _LEVEL_FPS
+    n_frames = len(samples) // size
+    power = np.array(
+        [np.square(samples[i * size : (i + 1) * size], dtype=np.float64).mean() for i in range(n_frames)]
+    )
+    if not power.any():
+        return []
+    loudest = maximum_filter1d(power, 2 * round(_AROUND_S * _LEVEL_FPS) + 1, mode="nearest")
+    silent = np.r_[False, power <= loudest * 10.0 ** (-_SILENCE_DB / 10.0), False]
+    borders = np.flatnonzero(np.diff(silent.astype(np.int8))).reshape(-1, 2) / _LEVEL_FPS
+    longest_s = n_frames / _LEVEL_FPS
+    return [
+        (float(start_s), float(end_s))
+        for start_s, end_s in borders
+        if end_s - start_s >= _SHORTEST_SILENCE_S and start_s > 0 and end_s < longest_s
+    ]
 
 
 # The analytic tempo-density, a Gaussian bump on every beat of the motion or of the music.

@@ -1,4 +1,4 @@
-"""The poses that are held at both ends of a dance: they stand on both feet, breathe and shift their weight.
+"""The poses that are held at both ends of a dance and in stops. They stand on both feet and breathe.
 
 A dancer who waits for the first count, or has finished, is never still. Both feet are on the floor, the
 chest rises and falls with the breath, and the weight moves slowly between the feet. The first count is
@@ -7,6 +7,7 @@ prepared: the dance is at full speed for half a second before it. The papers hav
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,12 +54,31 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
     if opening_s > 0:
         from_s, to_s = setting_off_s(opening_s)
         share = 1.0 - _speed(_since(times_s, from_s, to_s))
-        motion = _alive(motion, _End(share, 0, _BREATHS_HZ[0], from_s))
+        motion = _alive(motion, _Held(share, 0, _BREATHS_HZ[0], from_s))
     if closing_s is not None:
         from_s, to_s = coming_to_rest_s(opening_s, closing_s)
         share = _speed(_since(times_s, from_s, to_s))
-        motion = _alive(motion, _End(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
+        motion = _alive(motion, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
     return motion
+
+
+def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float) -> Motion:
+    """The motion with the poses in which it stands still, from and until times, held as those at its ends.
+
+    It slows down and sets off within `ease_s` before both times.
+    """
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    for rests_s, moves_s in stops_s:
+        share = _speed(_since(times_s, rests_s - ease_s, rests_s))
+        share *= 1.0 - _speed(_since(times_s, moves_s - ease_s, moves_s))
+        frame = min(round(rests_s * motion.fps), motion.n_frames - 1)
+        motion = _alive(motion, _Held(share, frame, _BREATHS_HZ[1], rests_s))
+    return motion
+
+
+def eased_in(since: Floats) -> Floats:
+    """The distance at a speed that rises smoothly from 0 to 1 as `since` does. It is 0.5 at the end."""
+    return since**3 - 0.5 * since**4
 
 
 def played_times_s(times_s: Floats, opening_s: float, closing_s: float | None) -> Floats:
@@ -67,13 +87,13 @@ def played_times_s(times_s: Floats, opening_s: float, closing_s: float | None) -
     if opening_s > 0:
         from_s, to_s = setting_off_s(opening_s)
         before = times_s < to_s
-        eased = _eased(_since(times_s[before], from_s, to_s))
+        eased = eased_in(_since(times_s[before], from_s, to_s))
         played_s[before] = to_s - (to_s - from_s) * (0.5 - eased)
     if closing_s is not None:
         from_s, to_s = coming_to_rest_s(opening_s, closing_s)
         after = times_s > from_s
         since = _since(times_s[after], from_s, to_s)
-        played_s[after] = from_s + (to_s - from_s) * (since - _eased(since))
+        played_s[after] = from_s + (to_s - from_s) * (since - eased_in(since))
     return played_s
 
 
@@ -82,19 +102,14 @@ def _since(times_s: Floats, from_s: float, to_s: float) -> Floats:
     return np.clip((times_s - from_s) / (to_s - from_s), 0.0, 1.0)
 
 
-def _eased(since: Floats) -> Floats:
-    """The distance at a speed that rises smoothly from 0 to 1 as `since` does. It is 0.5 at the end."""
-    return since**3 - 0.5 * since**4
-
-
 def _speed(since: Floats) -> Floats:
-    """The speed of `_eased`, 0 to 1."""
+    """The speed of `eased_in`, 0 to 1."""
     return since * since * (3.0 - 2.0 * since)
 
 
 @dataclass(frozen=True, eq=False)
-class _End:
-    """A held pose of a dance."""
+class _Held:
+    """A pose that is held."""
 
     share: Floats  # (T,) 1 where it is held, 0 where the dance is at full speed
     frame: int  # at which it is held
@@ -102,20 +117,20 @@ class _End:
     from_s: float  # at which the movement of breath and weight passes through zero
 
 
-def _alive(motion: Motion, end: _End) -> Motion:
+def _alive(motion: Motion, pose: _Held) -> Motion:
     """The motion with a held pose that stands on both feet, breathes and shifts its weight."""
-    held = np.flatnonzero(end.share > 0)
+    held = np.flatnonzero(pose.share > 0)
     if len(held) == 0:
         return motion
     part = slice(int(held[0]), int(held[-1]) + 1)
-    share, frame = end.share[part, None], end.frame - part.start
-    phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - end.from_s
+    share, frame = pose.share[part, None], pose.frame - part.start
+    phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - pose.from_s
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     root_pos_m, local_quat = motion.root_pos_m[part].copy(), motion.local_quat[part].copy()
     pos_m, before_quat = forward(skeleton, root_pos_m, local_quat)
     steps = {side: _step_down(skeleton, roles, side, pos_m[frame], before_quat[frame]) for side in SIDES}
     root_pos_m += share * _sway_m(pos_m[frame], roles, phase_s)
-    _breathe(local_quat, roles, share[:, 0], phase_s, end.breath_hz)
+    _breathe(local_quat, roles, share[:, 0], phase_s, pose.breath_hz)
     moved_m, global_quat = forward(skeleton, root_pos_m, local_quat)
     for side in SIDES:
         ankle, step = roles[f"{side}_ankle"], steps[side]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -18,8 +19,9 @@ from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan, PlannedWord
+from choreograph.render.dynamics import STOP_EASE_S, with_amplitudes, with_stops
 from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
-from choreograph.render.held_poses import hold_ends
+from choreograph.render.held_poses import hold_ends, hold_stops
 from choreograph.render.runs import (
     MotionReader,
     Run,
@@ -177,9 +179,7 @@ def render_from(
         sample=sample,
         report=part(report, 0, 70, _STEPS),
     )
-    motion = hold_ends(motion, plan.opening_s, plan.closing_s)
-    if plan.lock_feet:
-        motion = lock_feet_at_joins(motion, joins, plan.opening_s, plan.closing_s)
+    motion = _with_dynamics(motion, joins, plan)
     if existing is not None:
         stretches = stretch_frames(plan.kept_spans_s, motion.fps, motion.n_frames)
         motion = fill_gaps(of_length(existing, motion.n_frames), motion, stretches)
@@ -188,13 +188,51 @@ def render_from(
     return motion
 
 
+def render_generated(motion: Motion, plan: Plan) -> Motion:
+    """A motion that a network generated, with the stops, held poses and amplitudes of its plan.
+
+    The motion after a stop is that of its time in the song. Feet are locked again if anything but the ends
+    changes.
+    """
+    if not plan.stops_s and not plan.amplitudes:
+        return hold_ends(motion, plan.opening_s, plan.closing_s)
+    end_s = motion.duration_s
+    whole = Run("", 0.0, end_s, np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1))
+    borders_s = [0.0, *(moves_s - STOP_EASE_S for _, moves_s in plan.stops_s), end_s]
+    runs = with_stops([whole.cut(*span_s) for span_s in pairwise(borders_s)], plan.stops_s)
+    made, joins = assemble(
+        runs, lambda *_: (motion, 0.0), fps=motion.fps, duration_s=end_s, blending="inertial"
+    )
+    return _with_dynamics(made, joins, plan)
+
+
+def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
+    """The motion with the held poses and amplitudes of its plan, and with its feet locked.
+
+    The contacts are those before the amplitudes, because a smaller step may not leave the floor.
+    """
+    motion = hold_ends(motion, plan.opening_s, plan.closing_s)
+    motion = hold_stops(motion, plan.stops_s, STOP_EASE_S)
+    sized = with_amplitudes(motion, plan.amplitudes)
+    return (
+        lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, motion) if plan.lock_feet else sized
+    )
+
+
 def lock_feet_at_joins(
-    motion: Motion, joins: Joins, opening_s: float = 0.0, closing_s: float | None = None
+    motion: Motion,
+    joins: Joins,
+    opening_s: float = 0.0,
+    closing_s: float | None = None,
+    touching: Motion | None = None,
 ) -> Motion:
-    """The motion with its feet locked, firmly near joins between the held poses."""
+    """The motion with its feet locked where they touch the floor, or where those of `touching` do.
+
+    They are locked firmly near joins between the held poses.
+    """
     from_s = setting_off_s(opening_s)[1]
     to_s = motion.duration_s if closing_s is None else coming_to_rest_s(opening_s, closing_s)[0]
-    contacts = joins.contacts(motion, from_s, to_s)
+    contacts = joins.contacts(motion if touching is None else touching, from_s, to_s)
     return lock_feet(motion, contacts, shift_s=joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
 
 
@@ -257,7 +295,7 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
 
 
 def plan_runs(plan: Plan) -> list[Run]:
-    """The runs of a plan: its seconds with their transitions, and its words in place of them.
+    """The runs of a plan: its seconds with their transitions, its words in place of them, and its stops.
 
     Where another dance is kept, there are only those of the seconds.
     """
@@ -265,7 +303,7 @@ def plan_runs(plan: Plan) -> list[Run]:
     seconds = runs_of_seconds(plan)
     firsts = [plan.seconds[round(run.start_s)] for run in seconds]
     timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
-    return overlay_runs(with_transitions(seconds, timings), words)
+    return with_stops(overlay_runs(with_transitions(seconds, timings), words), plan.stops_s)
 
 
 def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:

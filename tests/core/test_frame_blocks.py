@@ -52,7 +52,7 @@ def test_features_of_a_song_of_several_blocks_are_those_of_the_whole():
 
 def test_energy_of_a_last_second_that_is_not_full():
     samples = np.tile(np.float32([0.5, -0.5]), SAMPLE_RATE_HZ * 2 + 50)  # 4 s and 100 samples
-    assert np.array_equal(energy_per_second(samples, 5), np.ones(5))
+    assert energy_per_second(samples, 5).min() > 0.97
 
 
 def test_motions_of_several_blocks_are_those_of_the_whole():

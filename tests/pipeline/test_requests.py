@@ -84,6 +84,7 @@ TABLE = {
     "transitions": ({"graph"}, "seconds", {}),
     "lock_feet": ({"graph"}, False, {}),
     "hold_ends": ({"graph"}, False, {}),
+    "dynamics": (ALL, 0.0, {}),
     "keep_on_stage": ({"graph"}, False, {"costs": (Hop(),)}),
     "front": ({"graph"}, "free", {}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
@@ -112,7 +113,8 @@ ELSEWHERE = {
     "keep",
     "existing",
     "report",
-}  # tested in test_keeping, or not to
+    "cache",
+}  # tested in test_keeping and test_kept_analysis, or not to
 
 
 def test_the_table_is_whole():

@@ -37,8 +37,7 @@ from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
 from choreograph.plan import Plan, PlannedWord
-from choreograph.render.held_poses import hold_ends
-from choreograph.render.rendering import render_over
+from choreograph.render.rendering import render_generated, render_over
 from choreograph.settings import DanceConfig
 
 _ATTEMPTS = 4  # to make a dance that shows the requested motifs
@@ -142,7 +141,7 @@ def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstrai
         asked = _asked(motifs, best, attempt, constraints, request.repertoire)
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
-        motion = hold_ends(_generated(request, constraints, motifs, asked), plan.opening_s, plan.closing_s)
+        motion = render_generated(_generated(request, constraints, motifs, asked), plan)
         dance = _checked_dance(motifs, asked, motion, plan, constraints, request.repertoire)
         if best is None or len(dance.wrong) < len(best.wrong):
             best = dance

@@ -159,6 +159,57 @@ def soft_to_loud(loudness_db: Sequence[float] | Floats, size: Sequence[float] | 
     return float(sizes[loudness.argmin()] / sizes[loudness.argmax()])
 
 
+def speed_response(
+    body_pos_m: Floats, fps: float, bounds_s: Sequence[float] | Floats, loudness_db: Sequence[float] | Floats
+) -> float:
+    """Rank correlation (Spearman) of loudness (W,) and joint speed over windows of a song, -1 to 1.
+
+    `bounds_s` (W + 1,) are the borders of the windows. Windows of 4 s average the steps of a bar or two.
+    Speed is that of all joints over the floor, travelling included. Higher is better. The result is 0 for a
+    dance of constant speed.
+
+    Examples
+    --------
+    >>> speed = np.repeat([1.0, 2.0, 3.0], 80)[:, None]  # of windows of 4 s at 20 fps
+    >>> pos_m = np.zeros((240, 21, 3)) + np.cumsum(speed, axis=0)[..., None] / 20
+    >>> cg.metrics.energy_response.speed_response(pos_m, 20.0, [0, 4, 8, 12], [-30.0, -20.0, -10.0])
+    1.0
+    """
+    validate(body_pos_m, fps, (0.0, len(body_pos_m) / fps), bounds_s, loudness_db)
+    speed = np.array([speed_within_m_s(body_pos_m, fps, span_s) for span_s in pairwise(bounds_s)])
+    known = np.isfinite(speed)
+    ranks = [_ranks(np.asarray(values, np.float64)[known]) for values in (loudness_db, speed)]
+    return round(_correlation(*ranks), 6)
+
+
+def speed_within_m_s(body_pos_m: Floats, fps: float, span_s: tuple[float, float]) -> float:
+    """Mean speed of all joints within a span of the dance, travelling included, in m/s, 0 or more.
+
+    Divide that of a break, a silence or a softened part by that before it, or by that of the dance to the
+    unchanged song. The result is nan for a span without two frames at 20 fps.
+
+    Examples
+    --------
+    >>> speed = np.repeat([2.0, 0.5], 80)[:, None]  # of 4 s each at 20 fps
+    >>> pos_m = np.zeros((160, 21, 3)) + np.cumsum(speed, axis=0)[..., None] / 20
+    >>> round(cg.metrics.energy_response.speed_within_m_s(pos_m, 20.0, (4.0, 8.0)) / 3**0.5, 2)
+    0.5
+    """
+    checked_body_pos_m(body_pos_m, fps)
+    part = body_pos_at(body_pos_m, fps, NET_FPS)[round(span_s[0] * NET_FPS) : round(span_s[1] * NET_FPS)]
+    if len(part) < 2:
+        return float("nan")
+    return float(np.linalg.norm(np.diff(part, axis=0), axis=-1).mean() * NET_FPS)
+
+
+def _ranks(values: Floats) -> Floats:
+    """Ranks (W,) of values (W,). Equal values have their mean rank."""
+    ranks: Floats = (
+        np.sum(values[:, None] > values, axis=1) - np.sum(values[:, None] < values, axis=1)
+    ) / 2.0
+    return ranks
+
+
 def pooled_response(songs: Sequence[tuple[Floats, Floats]]) -> float:
     """Correlation over the sections of all songs, given as (loudness_db (S,), size (S,)), -1 to 1.
 
