@@ -4,7 +4,7 @@ from .choreography.constraints import Ban as Ban
 from .choreography.constraints import Keep as Keep
 from .choreography.constraints import MotifPin as MotifPin
 from .choreography.constraints import TakePin as TakePin
-from .choreography.graph.costs import Cost as Cost
+from .choreography.graph.cost import Cost as Cost
 from .choreography.graph.layers import Layer as Layer
 from .core import __version__ as __version__
 from .core.counts import Counts as Counts

@@ -71,6 +71,8 @@ DANCE_ROWS = {
     "one-frame jumps a minute": ("jumps_per_minute", 1, "≤ 0.5"),
     "transitions a minute": ("transitions_per_minute", 1, "≤ 20"),
     "transitions at bar or figure borders": ("transitions_at_borders", 2, "0.8"),
+    "turned away by more than 100°": ("turned_away_share", 2, "≤ 0.10"),
+    "last pose within 45° of the front": ("ends_to_front", 2, "1"),
     "joint speed in the first 0.3 s, m/s": ("opening_speed_m_s", 2, "< 0.15"),
     "joint speed in the last 0.3 s, m/s": ("closing_speed_m_s", 2, "< 0.15"),
     "closes in a held pose": ("closing_held", 2, ""),

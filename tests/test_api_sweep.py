@@ -160,6 +160,7 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Layer.with_motif_counts": sound(layer.with_motif_counts, counts_before=layer.motif_counts),
         "Layer.with_danced": sound(layer.with_danced, danced_before=layer.danced),
         "Layer.with_take_usage": sound(layer.with_take_usage, usage_before_s=layer.take_usage_s),
+        "Layer.with_turn": sound(layer.with_turn, before=layer, parent=np.arange(layer.n_nodes)),
         "Motion": sound(cg.Motion, **values_of(motion)),
         "Motion.moved": sound(motion.moved, yaw_rad=1.0, shift_m=np.zeros(3)),
         "Motion.resampled": sound(motion.resampled, fps=20.0),

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from choreograph.choreography.constraints import Constraints
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core import installed

@@ -326,7 +326,8 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
 
 def _explained_costs() -> dict[str, str]:
     """What each cost measures and when to change its weight, by the docstrings of their classes."""
-    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
+    from choreograph.choreography.graph.cost import Cost
+    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
     from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
     from choreograph.choreography.graph.returns import FormCost
     from choreograph.settings import cost_names

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.engine import DanceRequest, check_settings, engine_for, engines
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Transition
+from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.material import choose_material, missing_from_plan
 from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
 from choreograph.choreography.song_analysis import analyse_song

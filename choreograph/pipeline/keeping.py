@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from choreograph.choreography.constraints import Keep
 from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.errors import ParameterError

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import engines
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.core.arguments import as_list, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path

@@ -16,11 +16,10 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
+from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS
-from choreograph.choreography.graph.layers import ClipTable, LayerSource
-from choreograph.choreography.graph.motif_costs import WeightedCost
 from choreograph.choreography.graph.planners import plan_exact
-from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import Counts
 from choreograph.library.builtin import starter_repertoire

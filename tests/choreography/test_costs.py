@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import (
     BUILTIN_COSTS,
     Accents,
     Bars,
     Completeness,
-    Cost,
     Energy,
     Front,
     Pace,
@@ -30,6 +30,7 @@ from choreograph.choreography.graph.costs import (
 )
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
 from choreograph.choreography.graph.returns import FormCost
+from choreograph.core.errors import ParameterError
 from choreograph.settings import DEFAULT_WEIGHTS
 
 
@@ -224,26 +225,62 @@ def test_usage_is_not_counted_without_tie_breaks():
     assert Variety().edge(here, source.layer(4), song_features) is None
 
 
-def test_the_front_costs_what_is_turned_away_and_what_a_transition_turns(layers):
-    a, b, song_features = layers
-    assert np.array_equal(Front().node(a, song_features), a.turned_away)
-    turned = np.cos(a.heading_rad[:, 1][:, None] - b.heading_rad[:, 0])
-    by_hand = 4.0 * (1.0 - turned)
-    by_hand[a.successors_in(b)] = 0.0
+def front_by_hand(a, b, i, j, song_features) -> float:
+    """The cost of a heading, in steps: the rotation of the take of b, then its headings in the dance."""
+    rotation = a.turn_rad[i]
+    if b.part[j] != a.next_part[i]:
+        rotation = a.turn_rad[i] + a.join_heading_rad[i, 1] - b.join_heading_rad[j, 0]
+        rotation = math.remainder(rotation, 2 * math.pi)
+        rotation -= math.copysign(min(abs(rotation), b.steer_rad), rotation)
+    cost = np.mean((0.5 - 0.5 * np.cos(b.heading_rad[j] + rotation)) ** 2)
+    if b.part[j] != a.next_part[i]:
+        cost += 4.0 * (1.0 - math.cos(rotation))
+    if b.second == song_features.n_seconds - 1:  # the last pose
+        cost += 6.0 * (1.0 - math.cos(b.heading_rad[j, -2] + rotation))
+    return cost
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+@pytest.mark.parametrize("second", [3, 5])
+def test_the_front_follows_the_heading_of_the_dance(second, tracked):
+    source, song_features = random_source(second, tracked=tracked)
+    a, b = source.layer(second - 1), source.layer(second)
+    a = replace(a, turn_rad=np.linspace(-3.0, 3.0, a.n_nodes))
+    b = replace(b, steer_rad=0.25)
+    by_hand = [[front_by_hand(a, b, i, j, song_features) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
     assert np.allclose(Front().edge(a, b, song_features), by_hand, atol=1e-5)
-    back = replace(a, heading_rad=np.full_like(a.heading_rad, np.pi))
-    front = replace(b, heading_rad=np.zeros_like(b.heading_rad))
-    assert Front().edge(back, front, song_features).max() == pytest.approx(8.0)
+    jumps = np.array(by_hand)
+    jumps[a.successors_in(b)] = np.inf
+    assert (jumps.min(axis=0) >= Front().min_edge_costs(a, b, song_features) - 1e-6).all()
+    assert Front().node(b, song_features) is None  # the heading depends on how it is reached
 
 
-def test_turned_away_is_0_at_the_front_and_1_at_the_back(monkeypatch):
-    for heading_rad, expected in ((0.0, 0.0), (np.pi, 1.0), (-np.pi / 2, 0.5), (2 * np.pi, 0.0)):
-        source, _ = random_source(0)
+def test_a_dance_that_begins_at_the_front_is_free_and_one_at_the_back_costs_1(monkeypatch):
+    for heading_rad, expected in ((0.0, 0.0), (np.pi, 1.0), (-np.pi / 2, 0.25), (2 * np.pi, 0.0)):
+        source, song_features = random_source(0)
         headings = np.full((1, 1), heading_rad)
         monkeypatch.setattr(
             type(source._poses), "headings_rad", lambda _, clip, frames, h=headings: h + 0.0 * frames
         )
-        assert source.layer(2).turned_away == pytest.approx(expected, abs=1e-6)
+        assert Front().node(source.layer(0), song_features) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_take_turns_what_follows_it_by_what_it_turns_itself():
+    """Two takes that turn by 1 rad a second, joined at every second, and steered back by 0.25 rad at most."""
+    source, _ = random_source(0)
+    layer = source.layer(2).subset(np.array([0]))
+    layer = replace(layer, join_heading_rad=np.array([[0.0, 1.0]]), segment=np.array([90]), steer_rad=0.25)
+    turned = []
+    for second in range(3, 8):
+        following = replace(layer, second=second, segment=layer.segment + 1)
+        layer = following.with_turn(layer, slice(None))
+        turned.append(layer.turn_rad[0])
+    assert turned == pytest.approx([0.75, 1.5, 2.25, 3.5 - 2 * np.pi, 4.75 - 2 * np.pi])  # on by the back
+    goes_on = replace(layer, second=layer.second + 1, offset=layer.offset + 1)
+    assert goes_on.with_turn(layer, np.array([0])).turn_rad == layer.turn_rad
+    assert layer.with_turn(layer, slice(None)).turn_rad == layer.turn_rad
+    with pytest.raises(ParameterError, match="nodes of the layer before"):
+        source.layer(3).with_turn(source.layer(2), slice(None))
 
 
 def test_a_seed_gives_each_part_of_a_take_a_number_of_its_own():

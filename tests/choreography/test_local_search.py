@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.costs import Cost, Variety
+from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
+from choreograph.choreography.graph.costs import Front, Variety
 from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including
-from choreograph.choreography.graph.motif_costs import Signature, WeightedCost, allowed_nodes
+from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
 
@@ -27,7 +28,7 @@ def searched(seed=0, n_seconds=5, k=2, *, n_motifs=0, usage=True):
     source, song_features = random_source(
         seed, n_seconds=n_seconds, k=k, n_motifs=n_motifs, tie_break_s=np.array([0.0, 0.1]) if usage else None
     )
-    costs = [WeightedCost(Preference(), 1.0), WeightedCost(Variety(), 6.0)]
+    costs = [WeightedCost(Preference(), 1.0), WeightedCost(Variety(), 6.0), WeightedCost(Front(), 0.5)]
     if n_motifs:
         goal = MotifGoal(np.full(n_motifs, 1 / n_motifs), np.full((n_motifs, n_motifs), 1 / n_motifs))
         costs.append(WeightedCost(Signature([(0, goal)], song_features), 3.0))
@@ -56,7 +57,7 @@ def test_a_path_never_becomes_costlier(seed):
 
 @pytest.mark.parametrize("n_motifs", [0, 4])
 def test_booked_costs_are_those_of_the_path(n_motifs):
-    """The plan's terms, against the cost of its path and against usage added up by hand."""
+    """The plan's terms, against the cost of its path and against usage and turns added up by hand."""
     cheap, source, costs, song_features = searched(3, n_seconds=8, k=4, n_motifs=n_motifs)
     path = plan_exact(source, costs, song_features)
     nodes = [
@@ -71,6 +72,16 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
         assert terms["variety"] == pytest.approx(
             6.0 * (at_start_s + np.exp(-ages_s / 120).sum()) / 12, abs=1e-4
         )
+    turned_rad = 0.0
+    for before, node, terms in zip(path.nodes, path.nodes[1:], path.costs[1:], strict=False):
+        joined = node.part[0] != before.next_part[0]
+        if joined:
+            turned_rad += before.join_heading_rad[0, 1] - node.join_heading_rad[0, 0]
+        away = ((0.5 - 0.5 * np.cos(node.heading_rad[0] + turned_rad)) ** 2).mean()
+        away += 4.0 * (1.0 - np.cos(turned_rad)) if joined else 0.0
+        if node is path.nodes[-1]:
+            away += 6.0 * (1.0 - np.cos(node.heading_rad[0, -2] + turned_rad))
+        assert terms["front"] == pytest.approx(0.5 * away, abs=1e-4)
 
 
 def test_without_costs_of_the_path_nothing_is_searched():

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.motif_costs import (
     MotifTransition,
     Signature,
-    WeightedCost,
     node_motifs,
     song_words_s,
     words_between,

@@ -11,8 +11,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Completeness, Cost, Phrasing, Variety
-from choreograph.choreography.graph.motif_costs import WeightedCost
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Completeness, Phrasing, Variety
 from choreograph.choreography.graph.motion_graph import plan_motion_graph
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy
 from choreograph.core.errors import NoPathError, ParameterError

@@ -15,7 +15,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
 from choreograph.render.rendering import assemble
-from choreograph.render.runs import Run, to_runs
+from choreograph.render.runs import MAX_STEER_RAD, Run, steer_rad, to_runs
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 TAKES = {
@@ -195,6 +195,20 @@ def test_a_take_that_begins_turned_away_is_steered_back_to_the_front():
     )
     assert away_rad[350] > 3.0
     assert away_rad[30 * 60 :].max() < 0.7
+
+
+def test_the_front_comes_before_the_stage_unless_the_stage_is_far_away():
+    ahead, place = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])  # leaves the stage to the front
+    assert abs(steer_rad(2.0 * place, ahead)) == pytest.approx(MAX_STEER_RAD)
+    for turned in (0.5, -0.5):
+        assert steer_rad(2.0 * place, ahead, turned) == pytest.approx(-np.sign(turned) * MAX_STEER_RAD)
+    aside = steer_rad(
+        np.array([3.0, 0.0, 0.0]), -ahead, 0.1
+    )  # home is at +90°: after -0.1 rad, 0.15 are left
+    assert aside == pytest.approx(-0.1 + MAX_STEER_RAD - 0.1)
+    assert steer_rad(0.5 * place, ahead) == steer_rad(8.0 * place, 0.0 * ahead) == 0.0
+    far = np.array([8.0, 0.0, 0.0])
+    assert steer_rad(far, ahead, 0.5) == steer_rad(far, ahead) == pytest.approx(-MAX_STEER_RAD)
 
 
 @pytest.mark.parametrize("blending", get_args(Blending))

@@ -2,117 +2,33 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable
 
 import numpy as np
 
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.edge_kernels import (
     random_numbers,
     revisits,
     rms_distances,
     rms_speed_m_s,
+    turned_costs,
 )
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core import installed
 from choreograph.core.arguments import unexpected
 from choreograph.core.numerics import AnyFloats
-from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
+from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP
 
 _USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
+_TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
+_LAST_POSE = 6.0  # of 1 - cos of the heading of the last pose
 _STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
 _OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
-
-
-class Cost:
-    """A cost of nodes, of edges, or of both, in the graph of the graph engine.
-
-    A node is one second of a warped take. An edge leads from a node of one second to a node of the next.
-    Subclass `Cost` and override `node`, `edge` or both. Values may have any unit, since the weight of the
-    cost scales them. `inf` forbids a node or an edge, and `nan` is an error. `choreograph settings
-    weights` prints the first line of the docstring, and what follows "Raise its weight".
-
-    Attributes
-    ----------
-    name : name in plans, weights and errors. The default is the class name in lower case
-    min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
-        edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
-    of_path : whether its values depend on the path to a node, by `Layer.motif_counts`,
-        `Layer.take_usage_s` or `Layer.danced`
-    min_path_cost : lower bound of the sum of its values over a whole path, of a cost with `of_path`
-
-    References
-    ----------
-    ChoreoGraph, section 3.3.
-
-    Examples
-    --------
-    A cost that prefers slow motion. Its values are mean joint speeds in m/s.
-
-    >>> class Calm(cg.Cost):
-    ...     def node(self, layer, song_features):
-    ...         return np.linalg.norm(layer.first_velocity_m_s, axis=-1).mean(axis=1)  # (N,)
-    >>> song = cg.example_songs()["house"]
-    >>> dance = cg.dance(song, duration_s=4, costs=[Calm()], weights={"calm": 2.0})
-    >>> dance.plan.seconds[0].costs["calm"] >= 0.0
-    True
-    """
-
-    name: str = ""
-    min_jump_cost: float = -math.inf
-    of_path: bool = False
-    min_path_cost: float = -math.inf
-
-    def __init_subclass__(cls, **kwargs: object) -> None:
-        super().__init_subclass__(**kwargs)
-        if "name" not in cls.__dict__:
-            cls.name = cls.__name__.lower()
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        """The cost of dancing each node of a layer.
-
-        Parameters
-        ----------
-        layer : the N nodes of one second, `layer.second`
-        song_features : the song, with one row for each second S of `style` (S, 32), `energy` (S,), ...
-
-        Returns
-        -------
-        float array (N,)   `inf` forbids a node
-        or None            if the cost is 0 for all of them
-        """
-        return None
-
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        """The cost of going from each node of one second to each node of the next.
-
-        Parameters
-        ----------
-        previous : P nodes of one second, or a part of them
-        next : N nodes of the second after it, or a part of them
-        song_features : the song, as in `node`
-
-        Returns
-        -------
-        float array (P, N)   `inf` forbids an edge
-        or None              if the cost is 0 for all of them
-        """
-        return None
-
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
-        """Lower bounds of the edges between segments.
-
-        The default is `min_jump_cost`. Override it if a tighter bound of each node of `next` is known.
-
-        Returns
-        -------
-        float array (N,)   a bound for each node of `next`
-        or float           one bound for all of them
-        """
-        return self.min_jump_cost
 
 
 class Style(Cost):
@@ -261,23 +177,74 @@ class Steps(Cost):
 
 
 class Front(Cost):
-    """How far the dancer is turned from the audience, 0 … 1, and how far a transition turns the takes (ours).
+    """How far the dancer is turned from the audience in the dance, 0 … 1 (ours).
 
-    A take that is entered at another heading than its own would turn everything after it. Raise its weight if
-    the dancer shows the back to the audience for too long.
+    It is the square of (1 - cos heading) / 2, so that the back costs much more than the side. The heading is
+    followed along the path: takes that are joined at different headings turn everything that comes after
+    them. A change of takes therefore also costs four times 1 - cos of the rotation at which the next take is
+    danced. The last pose costs six times 1 - cos of its heading. Raise its weight if the dancer shows the
+    back to the audience for too long.
     """
 
+    of_path = True
+    min_path_cost = 0.0
     min_jump_cost = 0.0
 
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        return layer.turned_away
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
+        if layer.second > 0:
+            return None
+        series, constant = _heading_series(layer, song_features)
+        turned: AnyFloats = np.maximum(constant + series[:, 0] + series[:, 2], 0.0)
+        return turned
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        ours, theirs = previous.heading_rad[:, 1], next.heading_rad[:, 0]
-        cosine = np.outer(np.cos(ours), np.cos(theirs)) + np.outer(np.sin(ours), np.sin(theirs))
-        cost: AnyFloats = np.maximum(4.0 * (1.0 - cosine), 0.0).astype(np.float32)
-        cost[previous.successors_in(next)] = 0.0
-        return cost
+        costs: AnyFloats = turned_costs(
+            previous.turn_rad, previous.join_heading_rad[:, 1], next.join_heading_rad[:, 0], next.steer_rad,
+            previous.next_part, next.part, *_heading_series(next, song_features), _TURNED_TAKE,
+        )  # fmt: skip
+        return costs
+
+    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
+        # The square of x is at least 2 t x - t². With t as the x of a take that is not rotated, the sum of
+        # costs is a constant minus a cosine of the rotation.
+        towards, aside = next.facing[:, 0], next.facing[:, 1]
+        away = 0.5 - 0.5 * towards
+        last = _last_pose(next, song_features)
+        cosine, sine = away * towards + _TURNED_TAKE, away * aside
+        constant = away - away**2 + _TURNED_TAKE
+        if last is not None:
+            cosine, sine, constant = cosine + last[:, 0], sine + last[:, 1], constant + _LAST_POSE
+        least: AnyFloats = np.maximum(constant - np.hypot(cosine, sine), 0.0)
+        return least
+
+
+def _heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats, float]:
+    """The Fourier series (N, 4) of the cost of each node by the rotation of its take, and its constant."""
+    # ((1 - cos h) / 2)² = 3/8 - cos(h) / 2 + cos(2 h) / 8, where h is the heading in the take plus φ
+    series = layer.facing * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
+    last = _last_pose(layer, song_features)
+    if last is None:
+        return series, 3 / 8
+    series[:, :2] += last * [-1.0, 1.0]
+    return series, 3 / 8 + _LAST_POSE
+
+
+def _last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
+    """Cosine and sine (N, 2) of the headings of the last pose, times its cost. None in other seconds."""
+    last = _frame_of_last_pose(song_features) - layer.second * NODE_FRAMES
+    if not 0 <= last < NODE_FRAMES:
+        return None
+    heading_rad = layer.heading_rad[:, last]
+    pose: AnyFloats = _LAST_POSE * np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
+    return pose
+
+
+def _frame_of_last_pose(song_features: SongFeatures) -> int:
+    """The frame of the song, at 20 fps, whose pose is held at the end, or is the last one."""
+    _, held_s = held_times_s(song_features.opening_s, song_features.closing_s)
+    is_held = song_features.closing_s < song_features.duration_s
+    last = seconds_to_frames(held_s if is_held else song_features.duration_s, NET_FPS)
+    return min(last, song_features.n_seconds * NODE_FRAMES - 1)
 
 
 class Pace(Cost):

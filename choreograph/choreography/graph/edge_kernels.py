@@ -80,3 +80,46 @@ def rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:
         np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
     )
     return speed_m_s
+
+
+@njit(nogil=True)
+def turned_costs(
+    turn_rad: AnyFloats,
+    end_rad: AnyFloats,
+    start_rad: AnyFloats,
+    steer_rad: float,
+    next_part: AnyInts,
+    part: AnyInts,
+    series: AnyFloats,
+    constant: float,
+    of_rotation: float,
+) -> F32:  # pragma: no cover - compiled
+    """Costs (P, N) of the rotations φ at which the takes of N nodes are danced after those of P nodes.
+
+    With the Fourier series (a, b, c, d) of each node, `series` (N, 4), the cost is `constant` + a cos φ +
+    b sin φ + c cos 2φ + d sin 2φ, and of_rotation · (1 - cos φ) where takes change. Where a node continues
+    the other (`Layer.part`), φ is `turn_rad` (P,). Otherwise φ brings the heading `start_rad` (N,) to
+    `turn_rad` + `end_rad` (P,), and is then steered towards 0 by `steer_rad`.
+    """
+    n_a, n_b = len(end_rad), len(start_rad)
+    costs = np.empty((n_a, n_b), np.float32)
+    cos_b, sin_b = np.cos(start_rad), np.sin(start_rad)
+    cos_steer, sin_steer = np.cos(steer_rad), np.sin(steer_rad)
+    for i in range(n_a):
+        cos_turn, sin_turn = np.cos(turn_rad[i]), np.sin(turn_rad[i])
+        cos_a, sin_a = np.cos(turn_rad[i] + end_rad[i]), np.sin(turn_rad[i] + end_rad[i])
+        for j in range(n_b):
+            cosine, sine, rotated = cos_turn, sin_turn, 0.0
+            if next_part[i] != part[j]:
+                joined_cos = cos_a * cos_b[j] + sin_a * sin_b[j]
+                joined_sin = sin_a * cos_b[j] - cos_a * sin_b[j]
+                cosine, sine = 1.0, 0.0
+                if joined_cos < cos_steer:
+                    side = sin_steer if joined_sin >= 0 else -sin_steer
+                    cosine = joined_cos * cos_steer + joined_sin * side
+                    sine = joined_sin * cos_steer - joined_cos * side
+                rotated = of_rotation * max(1.0 - cosine, 0.0)
+            cost = constant + series[j, 0] * cosine + series[j, 1] * sine
+            cost += series[j, 2] * (2.0 * cosine * cosine - 1.0) + series[j, 3] * (2.0 * sine * cosine)
+            costs[i, j] = max(cost, 0.0) + rotated
+    return costs

@@ -12,18 +12,14 @@ import numpy as np
 from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost, Seed, installed_costs
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
 from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, song_grid
-from choreograph.choreography.graph.layers import Layer, LayerSource
-from choreograph.choreography.graph.motif_costs import (
-    MOTIF_COSTS,
-    MotifTransition,
-    Signature,
-    Stillness,
-    WeightedCost,
-)
+from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, Stillness
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
 from choreograph.choreography.graph.returns import FormCost, Returns
+from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.progress import counted, substage

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from choreograph.choreography.constraints import TakePin
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.genres import song_metre_at
-from choreograph.choreography.graph.costs import Cost, Energy, Steps
-from choreograph.choreography.graph.layers import ClipTable, Layer, LayerSource
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import Energy, Steps
+from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
     Signature,
-    WeightedCost,
     node_motifs,
     song_words_s,
     words_between,
 )
 from choreograph.choreography.graph.returns import FormCost, Returns
-from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
 from choreograph.choreography.material import SectionGoal
 from choreograph.choreography.selection import (
@@ -42,6 +42,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
+from choreograph.render.runs import MAX_STEER_RAD
 
 _OTHER_GENRE = 20.0  # per second, more than differences of other costs, but less than a user's cost may be
 
@@ -293,6 +294,7 @@ def make_layers(
         goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
         moments=returns.moments(n_seconds) if returns else None,
         returns=returns.returning(n_seconds) if returns else None,
+        steer_rad=MAX_STEER_RAD if config.front == "audience" else 0.0,
     )  # fmt: skip
 
 

@@ -1,23 +1,21 @@
-"""Layers: the nodes active in each second, built from the warped segments of the last four."""
+"""Layers: the nodes that are active in each second."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.segments import Segments
 from choreograph.core.arguments import check_kind, unexpected
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.progress import one_line
-from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
+from choreograph.core.timebase import SEGMENT_S
 
 Moments = tuple[tuple[int, float], ...]  # number of each moment, and after which share of the second it is
 
-_ALL = slice(None)
 _TAKE_FRAMES = 1 << 24  # more than the frames of any take
 MIDDLE = 0.5  # share of a second
 USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
@@ -86,8 +84,10 @@ class Layer:
     off_bar: AnyFloats  # (N,) share of this second's beats whose number in the bar is not the take's
     enter_penalty: AnyFloats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
     leave_penalty: AnyFloats  # (N,) of leaving it at the second's end
-    heading_rad: AnyFloats  # (N, 2) at the second's borders, from the front of its take
-    turned_away: AnyFloats  # (N,) mean of (1 - cos heading) / 2: 0 faces the audience, 1 turns the back to it
+    heading_rad: AnyFloats  # (N, 21) at the 20 output frames and the second's end, from the front of its take
+    join_heading_rad: AnyFloats  # (N, 2) where takes may change at the second's start, and at its end
+    facing: AnyFloats  # (N, 4) means of cosine and sine of the heading, and of twice the heading
+    turn_rad: AnyFloats  # (N,) rotation of the take in the dance, along the cheapest path to the node
     liveliness: AnyFloats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
     steps: AnyFloats  # (N,) rank of the clip's steps in its genre, 0 … 1
     source_frames: AnyFloats  # (N, 21) clip frames at the 20 output frames and the second's end
@@ -101,6 +101,7 @@ class Layer:
     new_goal: bool = False  # the count of motifs restarts at this second
     moments: Moments = ()  # of this second that return later
     returns: int | None = None  # the moment, a number below R, that the middle of this second returns to
+    steer_rad: float = 0.0  # the most by which a transition rotates a take back to the front
 
     __repr__ = one_line
 
@@ -174,6 +175,43 @@ class Layer:
             danced[:, number] = positions(self, share)
         return changed_layer(self, danced=danced)
 
+    def with_turn(self, before: Layer, parent: AnyInts | slice) -> Layer:
+        """The layer with each node's take rotated to continue its `parent` (N,) in the layer `before`.
+
+        A take that is joined begins at the heading at which the one before it ends, and is steered towards 0,
+        where its front is that of the audience, by as much as a transition steers. A node that continues its
+        take keeps the rotation. The first layer, which is `before` itself, has none. Raises `ParameterError`
+        unless there is a parent for each node.
+        """
+        check_kind("the layer before", before, Layer)
+        try:
+            row = np.arange(before.n_nodes)[parent]
+            if np.shape(row) != (self.n_nodes,):
+                raise IndexError
+        except (IndexError, ValueError):
+            expected = f"indices ({self.n_nodes},) of nodes of the layer before, below {before.n_nodes}"
+            raise unexpected(expected, parent) from None
+        if before.second == self.second:
+            return self
+        turn_rad = before.turn_rad[row]
+        joined_rad = turn_rad + before.join_heading_rad[row, 1] - self.join_heading_rad[:, 0]
+        joined_rad = (joined_rad + np.pi) % (2 * np.pi) - np.pi
+        joined_rad -= np.clip(joined_rad, -self.steer_rad, self.steer_rad)
+        continues = before.next_part[row] == self.part
+        return changed_layer(self, turn_rad=np.where(continues, turn_rad, joined_rad))
+
+    @property
+    def part(self) -> AnyInts:
+        """A number (N,) of each node in its segment or time map. -1 for the first node of a segment."""
+        in_segment = np.where(self.offset == 0, -1, self.segment * SEGMENT_S + self.offset)
+        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
+
+    @property
+    def next_part(self) -> AnyInts:
+        """The `part` (N,) of the node of the next second that continues each node."""
+        in_segment = self.segment * SEGMENT_S + self.offset + 1
+        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
+
     def successors_in(self, following: Layer) -> tuple[AnyInts, AnyInts]:
         """The pairs of nodes that are consecutive in one warped segment or time map.
 
@@ -181,18 +219,16 @@ class Layer:
         second. Raises `ParameterError` if `following` is no layer.
         """
         check_kind("the following layer", following, Layer)
-        next_in_segment = self.segment * SEGMENT_S + self.offset + 1
-        here = np.where(self.time_map_id >= 0, -2 - self.time_map_id, next_in_segment)
-        in_segment = following.segment * SEGMENT_S + following.offset
-        in_segment = np.where(following.offset == 0, -1, in_segment)  # a segment's first node follows none
-        there = np.where(following.time_map_id >= 0, -2 - following.time_map_id, in_segment)
+        here, there = self.next_part, following.part
         order = np.argsort(here)
         row = order[np.minimum(np.searchsorted(here, there, sorter=order), self.n_nodes - 1)]
         follows = here[row] == there
         return row[follows], np.flatnonzero(follows)
 
 
-_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in ("second", "new_goal", "moments", "returns"))
+_ARRAYS = tuple(
+    f.name for f in fields(Layer) if f.name not in ("second", "new_goal", "moments", "returns", "steer_rad")
+)
 
 
 def positions(layer: Layer, share: float) -> AnyFloats:
@@ -215,157 +251,3 @@ def joined_layers(parts: Sequence[Layer]) -> Layer:
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
     }
     return changed_layer(parts[0], **arrays)
-
-
-@dataclass(frozen=True, eq=False)
-class ClipTable:
-    """Columns of the repertoire's clips and takes that layers contain."""
-
-    take: AnyInts  # (N,)
-    start_frame: AnyInts  # (N,) in its take, 20 fps
-    take_names: NDArray[np.str_]  # (takes,)
-    genres: NDArray[np.str_]  # (takes,)
-    style: NDArray[np.float32]  # (N, 32)
-    steps: NDArray[np.float32]  # (N,) rank in its genre
-
-
-class LayerSource:
-    """Builds the layer of any second from the segments inserted in it and in the three seconds before.
-
-    Parameters
-    ----------
-    tie_break_s : float array (takes,)     recent usage that each take starts with. None if it is not counted
-    motifs : int array (S, K, 4, W)        of each node, see `node_motifs`. None if no cost uses motifs
-    n_motifs : number of motifs in the vocabulary
-    goal_starts : seconds at which the count of motifs restarts
-    join_times_s : float array (S + 5,)    when takes may change around each second, by default on the second
-    moments : `Layer.moments` of each second, and
-    returns : `Layer.returns` of each second. None if no cost uses them
-    """
-
-    def __init__(
-        self,
-        segments: Segments,
-        clips: ClipTable,
-        poses: PoseBank,
-        *,
-        tie_break_s: AnyFloats | None = None,
-        motifs: NDArray[np.integer] | None = None,
-        n_motifs: int = 0,
-        goal_starts: Collection[int] = (),
-        join_times_s: NDArray[np.float64] | None = None,
-        moments: Sequence[Moments] | None = None,
-        returns: Sequence[int | None] | None = None,
-    ) -> None:
-        self._segments = segments
-        self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
-        self._n_motifs = 0 if motifs is None else n_motifs
-        usage_s = np.zeros(0) if tie_break_s is None else tie_break_s
-        self._usage_at_start_s = usage_s.astype(np.float32)  # (takes,), or (0,)
-        self._clips = clips
-        self._poses = poses
-        self._goal_starts = frozenset(goal_starts)
-        seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
-        self._join_times_s = seconds if join_times_s is None else join_times_s
-        self._moments = moments or [()] * len(segments.clip)
-        self._returns = returns or [None] * len(segments.clip)
-        self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
-        self._latest_borders: dict[int, tuple[AnyFloats, AnyFloats]] = {}
-
-    @property
-    def n_seconds(self) -> int:
-        """Number of layers S."""
-        return len(self._segments.clip)
-
-    def layer(self, second: int) -> Layer:
-        """All nodes active in `second`."""
-        inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
-        parts = [self._quarter(start, second - start) for start in reversed(inserted)]
-        layer = joined_layers(parts)
-        return layer.subset(_one_per_time_map(layer.time_map_id)) if (layer.time_map_id >= 0).any() else layer
-
-    def node(self, key: int) -> Layer:
-        """The one node with segment × 4 + offset = `key`, without building its whole layer."""
-        segment, offset = divmod(key, SEGMENT_S)
-        start, rank = divmod(segment, self._segments.clip.shape[1])
-        # Indexing copies: a view would keep the time maps of all candidates alive.
-        return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
-
-    def _borders(self, start: int) -> tuple[AnyFloats, AnyFloats]:
-        """`_make_borders` of all segments. The latest results are kept.
-
-        An `lru_cache` of a method would keep the source alive, and with it all time maps.
-        """
-        if start not in self._latest_borders:
-            # A layer contains the last four insertions, and the planner uses two layers.
-            if len(self._latest_borders) > SEGMENT_S:
-                self._latest_borders.pop(next(iter(self._latest_borders)))
-            self._latest_borders[start] = self._make_borders(start)
-        return self._latest_borders[start]
-
-    def _make_borders(self, start: int, part: slice = _ALL) -> tuple[AnyFloats, AnyFloats]:
-        """Poses and velocities at the five borders of the segments inserted at `start`, (5, K, 21, 3)."""
-        clip = self._segments.clip[start, part]
-        maps = self._segments.time_maps[start, part]
-        joins = (self._join_times_s[start : start + SEGMENT_S + 1] - start) * NET_FPS  # (5,) output frames
-        low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
-        speed = maps[:, low + 1] - maps[:, low]  # (K, 5) source frames per output frame
-        borders = maps[:, low] + (joins - low) * speed  # (K, 5)
-        pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
-        shape = (len(clip), 5, *pose.shape[1:])
-        velocity = velocity.reshape(shape) * speed[:, :, None, None]
-        return pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1)
-
-    def _quarter(self, start: int, offset: int, part: slice = _ALL) -> Layer:
-        """Quarter `offset` of the segments inserted at `start`, as the part of a layer that they make."""
-        segments, clips = self._segments, self._clips
-        clip = segments.clip[start, part]
-        take = clips.take[clip]
-        k = segments.clip.shape[1]
-        pose, velocity = self._borders(start) if part == _ALL else self._make_borders(start, part)
-        window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
-        source_frames = segments.time_maps[start, part, window]  # (K, 21)
-        headings = self._poses.headings_rad(clip, source_frames)  # (K, 21)
-        return Layer(
-            second=start + offset,
-            segment=start * k + np.arange(k)[part],
-            offset=np.full(len(clip), offset),
-            clip=clip,
-            take=take,
-            take_names=clips.take_names[take],
-            genre=clips.genres[take],
-            style=clips.style[clip],
-            take_usage_s=np.tile(self._usage_at_start_s, (len(clip), 1)),
-            take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
-            density_mismatch=segments.density_mismatch[start, part, offset],
-            unmatched_beat=segments.unmatched_beat[start, part, offset],
-            first_beat=segments.first_beat[start, part, offset],
-            last_beat=segments.last_beat[start, part, offset],
-            time_map_id=segments.time_map_id[start, part],
-            count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
-            off_bar=segments.off_bar[start, part, offset],
-            enter_penalty=segments.phrase_penalty[start, part, offset],
-            leave_penalty=segments.phrase_penalty[start, part, offset + 1],
-            heading_rad=headings[:, ::NODE_FRAMES],
-            turned_away=(0.5 - 0.5 * np.cos(headings)).mean(axis=1),
-            liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
-            steps=clips.steps[clip],
-            source_frames=source_frames,
-            first_pose_m=pose[offset],
-            last_pose_m=pose[offset + 1],
-            first_velocity_m_s=velocity[offset],
-            last_velocity_m_s=velocity[offset + 1],
-            motifs=self._motifs[start, part, offset],
-            motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
-            danced=np.broadcast_to(self._not_danced, (len(clip), len(self._not_danced))),
-            new_goal=start + offset in self._goal_starts,
-            moments=self._moments[start + offset],
-            returns=self._returns[start + offset],
-        )
-
-
-def _one_per_time_map(time_map_id: AnyInts) -> AnyInts:
-    """Indices of the first node of each time map, and of all nodes (N,) without one."""
-    own_id = -1 - np.arange(len(time_map_id))
-    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
-    return np.sort(first)

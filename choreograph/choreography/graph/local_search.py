@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
 from choreograph.choreography.graph.layers import (
     MIDDLE,
     USAGE_DECAY_S,
@@ -17,7 +18,6 @@ from choreograph.choreography.graph.layers import (
     joined_layers,
     positions,
 )
-from choreograph.choreography.graph.motif_costs import WeightedCost, edge_costs, weighted_terms
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
 
@@ -28,9 +28,10 @@ _LEAST_GAIN = 1e-3  # a pass that gains less is the last
 
 
 def with_history(layer: Layer, before: Layer, parent: AnyInts | slice = slice(None)) -> Layer:
-    """The layer with what the path to each node by its parent has danced: motifs, takes and positions."""
+    """The layer with what depends on the path to each node: motifs, takes, positions and rotation."""
     with_counts = layer.with_motif_counts(before.motif_counts[parent])
-    return with_counts.with_take_usage(before.take_usage_s[parent]).with_danced(before.danced[parent])
+    with_usage = with_counts.with_take_usage(before.take_usage_s[parent])
+    return with_usage.with_danced(before.danced[parent]).with_turn(before, parent)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,20 +1,16 @@
-"""Costs of motifs and of endings, and the weighted sum of all costs."""
+"""Costs of motifs and of the held poses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.costs import Cost
-from choreograph.choreography.graph.layers import ClipTable, Layer, PoseBank
-from choreograph.choreography.graph.segments import Segments
+from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.layers import Layer, PoseBank
+from choreograph.choreography.graph.segments import ClipTable, Segments
 from choreograph.choreography.motif_sequences import MotifGoal
-from choreograph.core.arguments import as_array
-from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
@@ -297,96 +293,3 @@ class Stillness(Cost):
         lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
         restlessness: AnyFloats = speed_m_s + 10.0 * lifted_m
         return restlessness
-
-
-# Weighted sums of costs. The values of user-defined costs are checked.
-
-
-@dataclass(frozen=True)
-class WeightedCost:
-    """A cost and its weight. A cost with weight 0 is not evaluated."""
-
-    cost: Cost
-    weight: float
-
-
-def allowed_nodes(
-    layer: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
-) -> tuple[Layer, NDArray[np.float64]]:
-    """The layer without its forbidden nodes, and the weighted node costs (N,) of the rest.
-
-    Raises `NoPathError` if all are forbidden.
-    """
-    total = np.zeros(layer.n_nodes)
-    for _, cost in weighted_terms(costs, lambda c: c.node(layer, song_features), (layer.n_nodes,)):
-        total += cost
-    allowed = np.isfinite(total)
-    if not allowed.any():
-        raise NoPathError(f"every node of second {layer.second} is forbidden: relax a cost that returns inf")
-    return (layer, total) if allowed.all() else (layer.subset(allowed), total[allowed])
-
-
-def weighted_terms(
-    costs: Sequence[WeightedCost], evaluate: Callable[[Cost], AnyFloats | None], shape: tuple[int, ...]
-) -> Iterator[tuple[str, AnyFloats]]:
-    """Name and weighted values of every cost that `evaluate` gives values for.
-
-    Raises `ParameterError` for nan or a wrong shape.
-    """
-    for weighted in costs:
-        if weighted.weight == 0:
-            continue
-        value = evaluate(weighted.cost)
-        if value is None:
-            continue
-        value = _checked(value, shape, weighted.cost)
-        if np.isnan(np.min(value, initial=0.0)):
-            raise _is_nan(weighted.cost)
-        yield weighted.cost.name, weighted.weight * value
-
-
-def _checked(value: Any, shape: tuple[int, ...], cost: Cost) -> NDArray[Any]:
-    """The values of a cost as an array. Raises `ParameterError` for other values or another shape."""
-    array = as_array(f"what cost {cost.name!r} returns", value)
-    if array.shape != shape:
-        raise ParameterError(f"expected an array {shape} of cost {cost.name!r}, got {array.shape}")
-    return array
-
-
-def _is_nan(cost: Cost) -> ParameterError:
-    return ParameterError(f"expected numbers of cost {cost.name!r}, or inf to forbid, got nan")
-
-
-def edge_costs(
-    previous: Layer, following: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
-) -> NDArray[np.float32]:
-    """Weighted edge costs (P, N) float32.
-
-    Raises `ParameterError` for nan, a wrong shape, or an edge below the cost's own lower bound.
-    """
-    total = np.zeros((previous.n_nodes, following.n_nodes), np.float32)
-    for weighted in costs:
-        if weighted.weight == 0:
-            continue
-        value = weighted.cost.edge(previous, following, song_features)
-        if value is None:
-            continue
-        value = _checked(value, total.shape, weighted.cost).astype(np.float32, copy=False)
-        least = value.min(initial=np.inf)
-        if np.isnan(least):
-            raise _is_nan(weighted.cost)
-        if least < weighted.cost.min_jump_cost:
-            _check_jumps(previous, following, value, weighted.cost)
-        total += np.float32(weighted.weight) * value
-    return total
-
-
-def _check_jumps(previous: Layer, following: Layer, value: NDArray[np.float32], cost: Cost) -> None:
-    """Raise `ParameterError` if an edge between segments is below the cost's lower bound."""
-    jumps = np.array(value)
-    jumps[previous.successors_in(following)] = np.inf
-    if jumps.min(initial=np.inf) < cost.min_jump_cost:
-        raise ParameterError(
-            f"cost {cost.name!r}: expected no edge between segments below its min_jump_cost of "
-            f"{cost.min_jump_cost:g}, got {jumps.min():g}"
-        )

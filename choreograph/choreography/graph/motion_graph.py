@@ -8,10 +8,11 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
-from choreograph.choreography.graph.layers import Layer, LayerSource
-from choreograph.choreography.graph.motif_costs import WeightedCost
+from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.planners import Path
+from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
 from choreograph.core.progress import StepReport, part
 from choreograph.music.song_features import SongFeatures

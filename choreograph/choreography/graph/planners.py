@@ -11,17 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Cost
-from choreograph.choreography.graph.layers import Layer, LayerSource
+from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs, weighted_terms
+from choreograph.choreography.graph.costs import BUILTIN_COSTS
+from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including, with_history
-from choreograph.choreography.graph.motif_costs import (
-    MOTIF_COSTS,
-    WeightedCost,
-    allowed_nodes,
-    edge_costs,
-    weighted_terms,
-)
+from choreograph.choreography.graph.motif_costs import MOTIF_COSTS
 from choreograph.choreography.graph.returns import FormCost
+from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import MIDDLE, Layer, Moments, positions
 from choreograph.core.numerics import AnyFloats, Floats
 from choreograph.core.timebase import NET_FPS

@@ -1,15 +1,16 @@
-"""Warped segments of the candidates of every second, which are inserted into the graph."""
+"""Warped segments of the candidates of every second, and the layers of their nodes."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.choreography.graph.layers import Layer, Moments, PoseBank, joined_layers
 from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
     CountedClips,
@@ -17,7 +18,7 @@ from choreograph.choreography.graph.warping import (
     smooth_time_maps,
     subsequence_dtw,
 )
-from choreograph.core.numerics import frame_weights
+from choreograph.core.numerics import AnyFloats, AnyInts, frame_weights
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 
@@ -157,3 +158,185 @@ def _density_mismatch(
         ((warped - query) ** 2).reshape(len(maps), SEGMENT_S, NODE_FRAMES).mean(axis=2)
     )
     return mismatch
+
+
+_ALL = slice(None)
+
+
+@dataclass(frozen=True, eq=False)
+class ClipTable:
+    """Columns of the repertoire's clips and takes that layers contain."""
+
+    take: AnyInts  # (N,)
+    start_frame: AnyInts  # (N,) in its take, 20 fps
+    take_names: NDArray[np.str_]  # (takes,)
+    genres: NDArray[np.str_]  # (takes,)
+    style: NDArray[np.float32]  # (N, 32)
+    steps: NDArray[np.float32]  # (N,) rank in its genre
+
+
+@dataclass(frozen=True, eq=False)
+class _Borders:
+    """Bodies of K segments where takes may change, at their five borders."""
+
+    pose_m: AnyFloats  # (5, K, 21, 3) in the root frame
+    velocity_m_s: AnyFloats  # (5, K, 21, 3)
+    heading_rad: AnyFloats  # (K, 5) from the front of the take
+
+
+class LayerSource:
+    """Builds the layer of any second from the segments inserted in it and in the three seconds before.
+
+    Parameters
+    ----------
+    tie_break_s : float array (takes,)     recent usage that each take starts with. None if it is not counted
+    motifs : int array (S, K, 4, W)        of each node, see `node_motifs`. None if no cost uses motifs
+    n_motifs : number of motifs in the vocabulary
+    goal_starts : seconds at which the count of motifs restarts
+    join_times_s : float array (S + 5,)    when takes may change around each second, by default on the second
+    moments : `Layer.moments` of each second, and
+    returns : `Layer.returns` of each second. None if no cost uses them
+    steer_rad : the most by which a transition rotates a take back to the front
+    """
+
+    def __init__(
+        self,
+        segments: Segments,
+        clips: ClipTable,
+        poses: PoseBank,
+        *,
+        tie_break_s: AnyFloats | None = None,
+        motifs: NDArray[np.integer] | None = None,
+        n_motifs: int = 0,
+        goal_starts: Collection[int] = (),
+        join_times_s: NDArray[np.float64] | None = None,
+        moments: Sequence[Moments] | None = None,
+        returns: Sequence[int | None] | None = None,
+        steer_rad: float = 0.0,
+    ) -> None:
+        self._segments = segments
+        self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
+        self._n_motifs = 0 if motifs is None else n_motifs
+        usage_s = np.zeros(0) if tie_break_s is None else tie_break_s
+        self._usage_at_start_s = usage_s.astype(np.float32)  # (takes,), or (0,)
+        self._clips = clips
+        self._poses = poses
+        self._goal_starts = frozenset(goal_starts)
+        self._steer_rad = steer_rad
+        seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
+        self._join_times_s = seconds if join_times_s is None else join_times_s
+        self._moments = moments or [()] * len(segments.clip)
+        self._returns = returns or [None] * len(segments.clip)
+        self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
+        self._latest_borders: dict[int, _Borders] = {}
+
+    @property
+    def n_seconds(self) -> int:
+        """Number of layers S."""
+        return len(self._segments.clip)
+
+    def layer(self, second: int) -> Layer:
+        """All nodes active in `second`."""
+        inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
+        parts = [self._quarter(start, second - start) for start in reversed(inserted)]
+        layer = joined_layers(parts)
+        return layer.subset(_one_per_time_map(layer.time_map_id)) if (layer.time_map_id >= 0).any() else layer
+
+    def node(self, key: int) -> Layer:
+        """The one node with segment × 4 + offset = `key`, without building its whole layer."""
+        segment, offset = divmod(key, SEGMENT_S)
+        start, rank = divmod(segment, self._segments.clip.shape[1])
+        # Indexing copies: a view would keep the time maps of all candidates alive.
+        return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
+
+    def _borders(self, start: int) -> _Borders:
+        """`_make_borders` of all segments. The latest results are kept.
+
+        An `lru_cache` of a method would keep the source alive, and with it all time maps.
+        """
+        if start not in self._latest_borders:
+            # A layer contains the last four insertions, and the planner uses two layers.
+            if len(self._latest_borders) > SEGMENT_S:
+                self._latest_borders.pop(next(iter(self._latest_borders)))
+            self._latest_borders[start] = self._make_borders(start)
+        return self._latest_borders[start]
+
+    def _make_borders(self, start: int, part: slice = _ALL) -> _Borders:
+        """The bodies at the five borders of the segments inserted at `start`."""
+        clip = self._segments.clip[start, part]
+        maps = self._segments.time_maps[start, part]
+        joins = (self._join_times_s[start : start + SEGMENT_S + 1] - start) * NET_FPS  # (5,) output frames
+        low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
+        speed = maps[:, low + 1] - maps[:, low]  # (K, 5) source frames per output frame
+        borders = maps[:, low] + (joins - low) * speed  # (K, 5)
+        pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
+        shape = (len(clip), 5, *pose.shape[1:])
+        velocity = velocity.reshape(shape) * speed[:, :, None, None]
+        return _Borders(
+            pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1),
+            self._poses.headings_rad(clip, borders),
+        )  # fmt: skip
+
+    def _quarter(self, start: int, offset: int, part: slice = _ALL) -> Layer:
+        """Quarter `offset` of the segments inserted at `start`, as the part of a layer that they make."""
+        segments, clips = self._segments, self._clips
+        clip = segments.clip[start, part]
+        take = clips.take[clip]
+        k = segments.clip.shape[1]
+        borders = self._borders(start) if part == _ALL else self._make_borders(start, part)
+        window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
+        source_frames = segments.time_maps[start, part, window]  # (K, 21)
+        headings = self._poses.headings_rad(clip, source_frames)  # (K, 21)
+        return Layer(
+            second=start + offset,
+            segment=start * k + np.arange(k)[part],
+            offset=np.full(len(clip), offset),
+            clip=clip,
+            take=take,
+            take_names=clips.take_names[take],
+            genre=clips.genres[take],
+            style=clips.style[clip],
+            take_usage_s=np.tile(self._usage_at_start_s, (len(clip), 1)),
+            take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
+            density_mismatch=segments.density_mismatch[start, part, offset],
+            unmatched_beat=segments.unmatched_beat[start, part, offset],
+            first_beat=segments.first_beat[start, part, offset],
+            last_beat=segments.last_beat[start, part, offset],
+            time_map_id=segments.time_map_id[start, part],
+            count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
+            off_bar=segments.off_bar[start, part, offset],
+            enter_penalty=segments.phrase_penalty[start, part, offset],
+            leave_penalty=segments.phrase_penalty[start, part, offset + 1],
+            heading_rad=headings,
+            join_heading_rad=borders.heading_rad[:, offset : offset + 2],
+            facing=_facing(headings),
+            turn_rad=np.zeros(len(clip)),
+            liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
+            steps=clips.steps[clip],
+            source_frames=source_frames,
+            first_pose_m=borders.pose_m[offset],
+            last_pose_m=borders.pose_m[offset + 1],
+            first_velocity_m_s=borders.velocity_m_s[offset],
+            last_velocity_m_s=borders.velocity_m_s[offset + 1],
+            motifs=self._motifs[start, part, offset],
+            motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
+            danced=np.broadcast_to(self._not_danced, (len(clip), len(self._not_danced))),
+            new_goal=start + offset in self._goal_starts,
+            moments=self._moments[start + offset],
+            returns=self._returns[start + offset],
+            steer_rad=self._steer_rad,
+        )
+
+
+def _one_per_time_map(time_map_id: AnyInts) -> AnyInts:
+    """Indices of the first node of each time map, and of all nodes (N,) without one."""
+    own_id = -1 - np.arange(len(time_map_id))
+    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
+    return np.sort(first)
+
+
+def _facing(heading_rad: AnyFloats) -> AnyFloats:
+    """Means (N, 4) over time of cos h, sin h, cos 2h and sin 2h of the headings (N, F)."""
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    means = [cosine, sine, 2.0 * cosine**2 - 1.0, 2.0 * sine * cosine]
+    return np.stack([mean.mean(axis=1) for mean in means], axis=1)

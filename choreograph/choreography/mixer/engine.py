@@ -18,7 +18,7 @@ from choreograph.choreography.enforcement import (
     with_border_costs,
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.mixer.words import (
     SEARCHES,
     CandidatePool,

@@ -21,7 +21,7 @@ from choreograph.choreography.enforcement import (
     without_distant,
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.graph.costs import Cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.passages import draw_dance
 from choreograph.choreography.slots import ResolvedConstraints

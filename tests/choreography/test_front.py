@@ -1,0 +1,46 @@
+"""The heading that the graph engine plans is the one that is danced, and faces the audience."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import choreograph as cg
+from choreograph.choreography.graph import engine
+from choreograph.evaluation.metrics import front
+from choreograph.motion.body import body_pos_m
+
+
+@pytest.fixture(scope="module")
+def danced():
+    """Two dances to the same waltz, with their paths: to the front, and free of it."""
+    made = {}
+    plan_path = engine._plan_path
+    with pytest.MonkeyPatch.context() as patch:
+        for setting in ("audience", "free"):
+            paths = []
+            patch.setattr(engine, "_plan_path", lambda *given, p=paths: p.append(plan_path(*given)) or p[0])
+            dance = cg.dance(cg.example_songs()["waltz"], duration_s=16, front=setting, seed=1)
+            made[setting] = dance, paths[0]
+    return made
+
+
+def test_the_planned_heading_is_that_of_the_dance(danced):
+    dance, path = danced["audience"]
+    planned_rad = np.array([node.turn_rad[0] + node.heading_rad[0, 10] for node in path.nodes])
+    middles = np.round((np.arange(len(planned_rad)) + 0.5) * dance.motion.fps).astype(np.int64)
+    headings_rad = front.heading_rad(body_pos_m(dance.motion))[middles]
+    inside = slice(2, -2)  # the dance is not at full speed at its ends
+    off_rad = np.abs(np.angle(np.exp(1j * (headings_rad - planned_rad))))[inside]
+    assert len({node.take[0] for node in path.nodes}) > 1
+    assert np.median(off_rad) < 0.2
+    assert off_rad.max() < 0.6
+
+
+def test_a_dance_to_the_front_ends_there_and_shows_the_back_less_than_a_free_one(danced):
+    faces = {
+        setting: front.evaluate(body_pos_m(dance.motion), dance.motion.fps)
+        for setting, (dance, _) in danced.items()
+    }
+    assert faces["audience"]["ends_to_front"] == 1.0
+    assert faces["audience"]["turned_away_share"] <= 0.05 < faces["free"]["turned_away_share"]
