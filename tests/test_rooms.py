@@ -52,7 +52,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "lazy_loader": ("", "evaluation"),
     "librosa": ("music.cached_librosa",),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
-    "networkx": ("choreography.graph.motion_graph",),
+    "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),
     "platformdirs": ("core", "cli"),
     "pxr": ("formats.usd",),

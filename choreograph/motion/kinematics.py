@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
@@ -21,17 +23,52 @@ def forward(
     `root_pos_m` is (..., 3) and `local_quat` (..., J, 4), with any leading dimensions. If `joints` are given,
     increasing and after their parents, only these and the root are computed, and the others are 0.
     """
-    from choreograph.motion._kernels import forward_kinematics
-
     shape, n_joints = local_quat.shape[:-2], skeleton.n_joints
     local = np.ascontiguousarray(local_quat, np.float64).reshape(-1, n_joints, 4)  # (T, J, 4)
     pos_m, global_quat = np.zeros((len(local), n_joints, 3)), np.zeros(local.shape)
     pos_m[:, 0] = np.reshape(root_pos_m, (-1, 3))
     global_quat[:, 0] = local[:, 0]
     order = np.fromiter(range(1, n_joints) if joints is None else joints, np.int64)
-    forward_kinematics(skeleton.parents, skeleton.offsets_m, order, local, pos_m, global_quat)
+    _compiled()(skeleton.parents, skeleton.offsets_m, order, local, pos_m, global_quat)
     pos_m, global_quat = pos_m.reshape(*shape, n_joints, 3), global_quat.reshape(*shape, n_joints, 4)
     return pos_m, global_quat
+
+
+@lru_cache(maxsize=1)
+def _compiled() -> Callable[..., None]:
+    """`_forward_kinematics`, compiled at its first call, since numba takes a third of a second to import."""
+    from choreograph.core.kernel_cache import njit
+
+    return njit(nogil=True)(_forward_kinematics)
+
+
+def _forward_kinematics(
+    parents: NDArray[np.int64],
+    offsets_m: Floats,
+    joints: NDArray[np.int64],
+    local_quat: Floats,
+    pos_m: Floats,
+    global_quat: Floats,
+) -> None:  # pragma: no cover - compiled
+    """Set positions (T, J, 3) and rotations (T, J, 4) of `joints`, in order, from those of joint 0.
+
+    Operations and their order are those of `rotations.multiply` and `rotations.rotate`, so the results are
+    the same numbers.
+    """
+    for t in range(len(local_quat)):
+        for joint in joints:
+            parent = parents[joint]
+            w, x, y, z = global_quat[t, parent]
+            bw, bx, by, bz = local_quat[t, joint]
+            global_quat[t, joint, 0] = w * bw - x * bx - y * by - z * bz
+            global_quat[t, joint, 1] = w * bx + x * bw + y * bz - z * by
+            global_quat[t, joint, 2] = w * by - x * bz + y * bw + z * bx
+            global_quat[t, joint, 3] = w * bz + x * by - y * bx + z * bw
+            vx, vy, vz = offsets_m[joint]
+            cx, cy, cz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+            pos_m[t, joint, 0] = pos_m[t, parent, 0] + (vx + w * cx + (y * cz - z * cy))
+            pos_m[t, joint, 1] = pos_m[t, parent, 1] + (vy + w * cy + (z * cx - x * cz))
+            pos_m[t, joint, 2] = pos_m[t, parent, 2] + (vz + w * cz + (x * cy - y * cx))
 
 
 def to_local(skeleton: Skeleton, global_quat: Floats) -> Floats:

@@ -13,8 +13,7 @@ from synthetic_layers import random_source
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Completeness, Phrasing, Variety
-from choreograph.choreography.graph.motion_graph import plan_motion_graph
-from choreograph.choreography.graph.planners import plan_exact, plan_greedy
+from choreograph.choreography.graph.planners import plan_exact, plan_greedy, plan_motion_graph
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.settings import DEFAULT_WEIGHTS
 

@@ -6,8 +6,8 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
-from choreograph.choreography.graph.cost import Cost
-from choreograph.choreography.graph.edge_kernels import (
+from choreograph.choreography.graph.cost import (
+    Cost,
     random_numbers,
     revisits,
     rms_distances,

@@ -17,7 +17,7 @@ from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_
 from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, song_grid
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, Stillness
-from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy
+from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy, plan_motion_graph
 from choreograph.choreography.graph.returns import FormCost, Returns
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
@@ -262,8 +262,6 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
 def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceRequest) -> Path:
     planner, report = request.config.planner, substage(request.report, "planning")
     if planner == "motion-graph":
-        from choreograph.choreography.graph.motion_graph import plan_motion_graph
-
         return plan_motion_graph(source, costs, request.song_features, report=report)
     if planner == "greedy":
         return plan_greedy(source, costs, request.song_features, report=report)

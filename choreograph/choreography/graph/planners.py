@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs, weighted_terms
-from choreograph.choreography.graph.costs import BUILTIN_COSTS
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including, with_history
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS
@@ -21,10 +21,9 @@ from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts
+from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
-
-Report = Callable[[int, int], None]  # seconds planned, seconds in all
 
 _PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
 _BLOCK = 128  # predecessors whose edges are evaluated at once: 1 MB at 2,048 nodes
@@ -56,7 +55,7 @@ def plan_exact(
     song_features: SongFeatures,
     *,
     with_bound: bool = False,
-    report: Report | None = None,
+    report: StepReport | None = None,
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
 
@@ -87,7 +86,7 @@ def _search(
     source: LayerSource,
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
-    report: Report | None = None,
+    report: StepReport | None = None,
 ) -> tuple[list[int], float, list[tuple[Layer, NDArray[np.float64]]]]:
     """The keys of a path by dynamic programming, its cost, and the cheap nodes of every second."""
     layer, reached = allowed_nodes(source.layer(0), costs, song_features)
@@ -140,7 +139,7 @@ def plan_greedy(
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
     *,
-    report: Report | None = None,
+    report: StepReport | None = None,
 ) -> Path:
     """The cheapest next node, second by second (ChoreoGraph, section 3.3).
 
@@ -323,3 +322,79 @@ def _terms_of(
         for name, value in weighted_terms(costs, lambda c: c.edge(last, node, song_features), (1, 1)):
             terms[name] += float(value[0, 0])
     return terms
+
+
+NEIGHBOURS = 32  # edges of each clip, with the smoothest transitions from its first second
+
+
+def plan_motion_graph(
+    source: LayerSource,
+    costs: Sequence[WeightedCost],
+    song_features: SongFeatures,
+    *,
+    report: StepReport | None = None,
+) -> Path:
+    """A walk on the first warped seconds of clips by transition alone (ChoreoGraph, section 4, a baseline).
+
+    Only the first second of each warped segment is a node, so completeness and style have no effect. As in
+    Kovar's motion graphs, the graph over clips is pruned to its largest strongly connected component, so that
+    the walk has no dead ends. The edge is then chosen by the warped poses of the candidates of each second.
+    User-defined costs are used as in the other planners.
+    """
+    n_seconds = source.n_seconds
+    allowed_clips = _largest_component(source, song_features, part(report, 0, n_seconds, 2 * n_seconds))
+    transition = [w for w in costs if w.cost.name == Transition.name]
+    custom = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
+    nodes: list[Layer] = []
+    terms: list[dict[str, float]] = []
+    for second in range(n_seconds):
+        layer = source.layer(second)
+        first = layer.offset == 0
+        inside = first & np.isin(layer.clip, allowed_clips)
+        layer = layer.subset(inside if inside.any() else first)
+        total, smoothness = np.zeros((2, layer.n_nodes))
+        for w in custom:
+            value = w.cost.node(layer, song_features)
+            total += 0.0 if value is None else w.weight * np.asarray(value)
+        if nodes:
+            smoothness = _edges(transition, nodes[-1], layer, song_features)
+            total += _edges(custom, nodes[-1], layer, song_features)
+        if not np.isfinite(total + smoothness).any():
+            raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
+        best = int(np.argmin(total + smoothness))
+        nodes.append(layer.subset(np.array([best])))
+        terms.append({Transition.name: float(smoothness[best])})
+        if report is not None:
+            report(n_seconds + second + 1, 2 * n_seconds)
+    return Path(tuple(nodes), tuple(terms))
+
+
+def _edges(
+    costs: Sequence[WeightedCost], before: Layer, layer: Layer, song_features: SongFeatures
+) -> NDArray[np.float64]:
+    """The weighted costs of going from the one node `before` to each of a layer (N,)."""
+    total = np.zeros(layer.n_nodes)
+    for w in costs:
+        value = w.cost.edge(before, layer, song_features)
+        total += 0.0 if value is None else w.weight * np.asarray(value)[0]
+    return total
+
+
+def _largest_component(
+    source: LayerSource, song_features: SongFeatures, report: StepReport | None
+) -> NDArray[np.integer]:
+    """Clips of the largest strongly connected component of the graph of smooth transitions."""
+    import networkx as nx  # for this planner only
+
+    layers = map(source.layer, range(0, source.n_seconds, 4))
+    firsts = [layer.subset(layer.offset == 0) for layer in layers]
+    graph = nx.DiGraph()
+    for done, (here, there) in enumerate(zip(firsts, [*firsts[1:], firsts[0]], strict=True), start=1):
+        cost = np.asarray(Transition().edge(here, there, song_features))
+        nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
+        for row, columns in enumerate(nearest):
+            graph.add_edges_from((int(here.clip[row]), int(clip)) for clip in there.clip[columns])
+        if report is not None:
+            report(done, len(firsts))
+    largest = max(map(sorted, nx.strongly_connected_components(graph)), key=len)
+    return np.array(largest)
