@@ -70,8 +70,9 @@ def _run(*command: object, **options) -> str:
 
 
 def test_the_installed_wheel_dances(environment, tmp_path):
-    # Kernels compiled by other tests lie in the clone: librosa's are read from a copy of them.
-    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | {"NUMBA_CACHE_DIR": f"{tmp_path}/k"}
+    # Kernels and analyses of other tests lie in the clone: kernels are read from a copy of them.
+    own = {"NUMBA_CACHE_DIR": f"{tmp_path}/k", "CHOREOGRAPH_CACHE": f"{tmp_path}/c"}
+    clean = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | own
     if (compiled := Path(os.environ["NUMBA_CACHE_DIR"])).is_dir():
         shutil.copytree(compiled, tmp_path / "k", ignore=shutil.ignore_patterns("lock", ".*"))
     options = {"cwd": tmp_path, "env": clean}

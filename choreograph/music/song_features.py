@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.ndimage import maximum_filter1d, median_filter
-from scipy.signal import butter, sosfilt
 
 from choreograph.core.counts import Counts
 from choreograph.core.progress import one_line
@@ -88,18 +88,17 @@ def energy_per_second(
     the levels.
     """
     n_samples = min(len(samples), n_seconds * SAMPLE_RATE_HZ)
-    filters = [butter(2, _BASS_HZ, "low", fs=SAMPLE_RATE_HZ, output="sos"),
-               butter(2, _BRIGHT_HZ, "high", fs=SAMPLE_RATE_HZ, output="sos")]  # fmt: skip
-    states = [np.zeros((len(sos), 2)) for sos in filters]
+    hz = fft.rfftfreq(SAMPLE_RATE_HZ, 1 / SAMPLE_RATE_HZ)
+    # Of power, in the bass and in the brightness, as by Butterworth filters of the second order.
+    shares = np.stack([1 / (1 + (hz / _BASS_HZ) ** 4), 1 - 1 / (1 + (hz / _BRIGHT_HZ) ** 4)])  # (2, F)
     power = np.zeros((n_seconds, 4))
     for second in range(n_seconds):
-        padded = np.zeros(SAMPLE_RATE_HZ)
         part = samples[second * SAMPLE_RATE_HZ : min((second + 1) * SAMPLE_RATE_HZ, n_samples)]
+        padded = np.zeros(SAMPLE_RATE_HZ)
         padded[: len(part)] = part
         power[second, 0] = np.square(padded).mean()
-        for index, sos in enumerate(filters):
-            filtered, states[index] = sosfilt(sos, padded, zi=states[index])
-            power[second, 1 + index] = np.square(filtered).mean()
+        spectrum = np.abs(fft.rfft(padded)) / SAMPLE_RATE_HZ
+        power[second, 1:3] = 2 * shares @ np.square(spectrum)
     if n_seconds > 1 and n_samples < n_seconds * SAMPLE_RATE_HZ:  # the last second is not full
         power[-1] *= SAMPLE_RATE_HZ / max(1, n_samples - (n_seconds - 1) * SAMPLE_RATE_HZ)
     if not power.any():
@@ -114,8 +113,8 @@ def energy_per_second(
     sounding = level_db[:, 0] > level_db[:, 0].max() - _SILENT_DB
     soft_db, loud_db = np.percentile(level_db[sounding], _PERCENTILES, axis=0)
     parts = 1.0 + (level_db - loud_db) / np.clip(loud_db - soft_db, _RANGES_DB, _WIDEST_DB)
-    shares = _SHARES[: 3 if onsets is None else 4]
-    energy = np.clip(parts[:, : len(shares)], 0.0, 1.0) @ shares / shares.sum() * sounding
+    weights = _SHARES[: 3 if onsets is None else 4]
+    energy = np.clip(parts[:, : len(weights)], 0.0, 1.0) @ weights / weights.sum() * sounding
     per_second: NDArray[np.float32] = energy.astype(np.float32)
     return per_second
 
