@@ -93,14 +93,14 @@ def energy_per_second(
     shares = np.stack([1 / (1 + (hz / _BASS_HZ) ** 4), 1 - 1 / (1 + (hz / _BRIGHT_HZ) ** 4)])  # (2, F)
     power = np.zeros((n_seconds, 4))
     for second in range(n_seconds):
-        part = samples[second * SAMPLE_RATE_HZ : min((second + 1) * SAMPLE_RATE_HZ, n_samples)]
+        # Of a last second that is not full, the second that ends with the song.
+        start = max(0, min(second * SAMPLE_RATE_HZ, n_samples - SAMPLE_RATE_HZ))
+        part = samples[start : min(start + SAMPLE_RATE_HZ, n_samples)]
         padded = np.zeros(SAMPLE_RATE_HZ)
         padded[: len(part)] = part
         power[second, 0] = np.square(padded).mean()
         spectrum = np.abs(fft.rfft(padded)) / SAMPLE_RATE_HZ
         power[second, 1:3] = 2 * shares @ np.square(spectrum)
-    if n_seconds > 1 and n_samples < n_seconds * SAMPLE_RATE_HZ:  # the last second is not full
-        power[-1] *= SAMPLE_RATE_HZ / max(1, n_samples - (n_seconds - 1) * SAMPLE_RATE_HZ)
     if not power.any():
         return np.zeros(n_seconds, np.float32)
     power = median_filter(power, (_SPAN_S, 1), mode="nearest")
