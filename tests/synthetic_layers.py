@@ -37,6 +37,9 @@ class RandomPoses:
     def headings_rad(self, clip, frames):
         return (6.0 * self.of_clip[clip][:, None] + 0.02 * frames).astype(np.float32)
 
+    def places_m(self, clip, frames):
+        return np.stack([self.of_clip[clip][:, None] + 0.01 * frames, 0.0 * frames], axis=-1)
+
     def count_uncertainty(self, clip, start, stop):
         return 0.5 * self.of_clip[clip]
 

@@ -16,7 +16,8 @@ from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGM
 from choreograph.library.checks import check_counts, check_parts
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import middle_starts
-from choreograph.motion.body import front_rad, heading_rad, to_root_frame
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import front_rad, ground_pos_m, heading_rad, to_root_frame
 from choreograph.motion.contacts import step_counts
 from choreograph.motion.motion import Credits
 from choreograph.motion.motion_beats import Liveliness, mean_joint_speed_m_s
@@ -226,14 +227,25 @@ class ClipMotion:
 
         They are continuous along a take: a full turn adds 2π.
         """
+        return self._between_frames(self._headings_rad, clip, frames)
+
+    def places_m(self, clip: AnyInts, frames: NDArray[np.floating]) -> NDArray[np.float32]:
+        """Places of the pelvis on the floor (N, M, 2), x and z, at fractional clip frames (N, M).
+
+        They are measured from the mean place of the take, with its front at +Z.
+        """
+        return self._between_frames(self._places_m, clip, frames)
+
+    def _between_frames(
+        self, values: NDArray[np.float32], clip: AnyInts, frames: NDArray[np.floating]
+    ) -> NDArray[np.float32]:
+        """Values (B, …) of all frames, interpolated at fractional clip frames (N, M)."""
         first, stop = self._take_rows[self._clip_take[clip]].T
         rows = np.clip(self._clip_rows[clip][:, None] + frames, first[:, None], stop[:, None] - 1)
         row = np.minimum(np.floor(rows).astype(np.int64), np.maximum(stop - 2, first)[:, None])
-        headings = self._headings_rad
-        beyond = np.minimum(row + 1, len(headings) - 1)
-        result: NDArray[np.float32] = headings[row] + (rows - row).astype(np.float32) * (
-            headings[beyond] - headings[row]
-        )
+        beyond = np.minimum(row + 1, len(values) - 1)
+        weight = (rows - row).astype(np.float32).reshape(*rows.shape, *(1,) * (values.ndim - 1))
+        result: NDArray[np.float32] = values[row] + weight * (values[beyond] - values[row])
         return result
 
     @cached_property
@@ -301,6 +313,15 @@ class ClipMotion:
             unwrapped = np.unwrap(raw)
             headings[start:stop] = unwrapped - 2 * np.pi * np.round(unwrapped.mean() / (2 * np.pi))
         return headings
+
+    @cached_property
+    def _places_m(self) -> NDArray[np.float32]:
+        places = np.zeros((len(self._body_pos_m), 2), np.float32)
+        for (start, stop), own_front_rad in zip(self._take_rows, self.fronts_rad, strict=True):
+            ground_m = ground_pos_m(self._body_pos_m[start:stop].astype(np.float64))  # (T, 3)
+            turned_m = rot.rotate(rot.about_y(-own_front_rad), ground_m - ground_m.mean(axis=0))
+            places[start:stop] = turned_m[:, [0, 2]]
+        return places
 
     @cached_property
     def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -22,6 +22,7 @@ _SAME_SECTION_DISTANCE = 0.35  # of the features' deviation. Sections with a low
 _GROUP_WEIGHTS = {"chroma_cens": 0.5, "mel_db": 1.0, "mfcc": 1.0}
 _CHANGE_REACH_S = 4.0  # drums may change a bar before the cut, and a tracker follows a beat or two late
 _NONE = np.zeros(0)
+_LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 # Phrases. The features that are compared, the largest distance of repeats (of the median of two counts), and
 # the terms of the choice of phrases.
 _COMPARED = ("chroma", "chroma_cqt", "mel_db")
@@ -42,6 +43,13 @@ class Sections:
 
     def __len__(self) -> int:
         return len(self.labels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """A letter for each section. The first one is A, and so is every section that repeats it."""
+        order = list(dict.fromkeys(self.labels.tolist()))
+        ranks = [order.index(label) for label in self.labels.tolist()]
+        return tuple(_LETTERS[rank % 26] + (str(rank // 26) if rank >= 26 else "") for rank in ranks)
 
 
 @dataclass(frozen=True)

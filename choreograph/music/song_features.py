@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy import fft
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
-from choreograph.music.form import Form, Sections
+from choreograph.music.form import Form, Phrase, Sections
 
 # `SongFeatures`, the features of a song per second that the engines use for planning.
 
@@ -57,6 +58,24 @@ class SongFeatures:
     def n_seconds(self) -> int:
         """Number of seconds S. The last may be shorter."""
         return len(self.style)
+
+    def section_at(self, second: int) -> str:
+        """The name of the section in the middle of a second, A or another letter, or "" without sections.
+
+        Sections with one name are the same music repeated. Raises `ParameterError` if the song has no such
+        second.
+        """
+        middle_s = as_index("a second", second, self.n_seconds) + 0.5
+        index = int(np.searchsorted(self.sections.bounds_s[1:-1], middle_s, side="right"))
+        return self.sections.names[index] if len(self.sections) else ""
+
+    def phrase_at(self, second: int) -> Phrase | None:
+        """The phrase in the middle of a second, or None between phrases and without them.
+
+        Raises `ParameterError` if the song has no such second.
+        """
+        middle_s = as_index("a second", second, self.n_seconds) + 0.5
+        return next((p for p in self.form.phrases if p.start_s <= middle_s < p.end_s), None)
 
 
 # Energy of a song, by which a dance is larger or smaller: its level, bass and brightness relative to its own.

@@ -9,15 +9,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import check_kind, unexpected
+from choreograph.core.arguments import as_floats, check_kind, unexpected
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.progress import one_line
-from choreograph.core.timebase import SEGMENT_S
+from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
 
 Moments = tuple[tuple[int, float], ...]  # number of each moment, and after which share of the second it is
 
 _TAKE_FRAMES = 1 << 24  # more than the frames of any take
 MIDDLE = 0.5  # share of a second
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a second
 USAGE_DECAY_S = 120.0  # time constant: recent usage falls to 1/e after this time
 
 
@@ -36,6 +37,10 @@ class PoseBank(Protocol):
         """Headings (N, F) of clips (N,) at fractional frames (N, F), from the front of their takes."""
         ...
 
+    def places_m(self, clip: AnyInts, frames: AnyFloats) -> AnyFloats:
+        """Places on the floor (N, F, 2), x and z, of clips (N,) at fractional frames (N, F)."""
+        ...
+
     def count_uncertainty(self, clip: AnyInts, start: AnyFloats, stop: AnyFloats) -> AnyFloats:
         """Uncertainty (N,), 0 … 1, of the counts halfway between two frames of each clip."""
         ...
@@ -48,7 +53,8 @@ class Layer:
     Costs (`Cost`) are computed from layers. Poses are in the root frame: the pelvis is above the origin, and
     the body faces +Z. Poses of two nodes can therefore be compared as if one had been aligned to the other.
     The fields `first_*` belong to the start of the second and `last_*` to its end. The last pose of a node is
-    the first pose of its successor in the segment.
+    the first pose of its successor in the segment. `poses_m`, `headings_rad` and `travel_m` give the motion
+    during the second.
 
     Examples
     --------
@@ -60,6 +66,8 @@ class Layer:
     >>> layer = layers[0]
     >>> layer.second, layer.first_pose_m.shape == (layer.n_nodes, 21, 3)
     (0, True)
+    >>> bool(layer.poses_m([0.0, 0.5])[..., 1].max() > 1.0)  # heights of joints in metres
+    True
     >>> of_house = layer.subset(layer.genre == "house")
     >>> set(of_house.genre.tolist())
     {'house'}
@@ -98,6 +106,7 @@ class Layer:
     motifs: AnyInts  # (N, W) of the node's words, in order, padded with -1. W = 0 if no cost uses motifs
     motif_counts: AnyInts  # (N, M) of each motif along the cheapest path to the node. M = 0 likewise
     danced: AnyFloats  # (N, R) positions in takes at the moments that return, along the path. nan if later
+    bank: PoseBank  # the motion of all clips, for `poses_m`, `headings_rad` and `travel_m`
     new_goal: bool = False  # the count of motifs restarts at this second
     moments: Moments = ()  # of this second that return later
     returns: int | None = None  # the moment, a number below R, that the middle of this second returns to
@@ -123,6 +132,44 @@ class Layer:
             n_nodes = self.n_nodes
             raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
         return changed_layer(self, **arrays)
+
+    def poses_m(self, shares: Sequence[float] = SHARES) -> AnyFloats:
+        """Poses (N, M, 21, 3) in the root frame after these shares of the second (M,), 0 … 1.
+
+        `[..., 1]` is the height of each joint above the floor. Raises `ParameterError` for other shares.
+        """
+        frames = self._frames_at(shares)  # (N, M)
+        poses_m, _ = self.bank.poses_m(np.repeat(self.clip, frames.shape[1]), frames.ravel())
+        return poses_m.reshape(*frames.shape, *poses_m.shape[1:])
+
+    def headings_rad(self, shares: Sequence[float] = SHARES) -> AnyFloats:
+        """Headings (N, M) from the front of the take, after these shares of the second (M,), 0 … 1.
+
+        They are continuous along a take, so a full turn adds 2π. In the dance, the take is rotated by
+        `turn_rad` besides. Raises `ParameterError` for other shares.
+        """
+        return self.bank.headings_rad(self.clip, self._frames_at(shares))
+
+    def travel_m(self, shares: Sequence[float] = SHARES) -> AnyFloats:
+        """How far the pelvis is on the floor from where the second begins, (N, M, 2), x and z.
+
+        It is given after these shares of the second (M,), 0 … 1, with the front of the take at +Z. Raises
+        `ParameterError` for other shares.
+        """
+        frames = np.concatenate([self.source_frames[:, :1], self._frames_at(shares)], axis=1)  # (N, 1 + M)
+        places_m = self.bank.places_m(self.clip, frames)
+        travel_m: AnyFloats = places_m[:, 1:] - places_m[:, :1]
+        return travel_m
+
+    def _frames_at(self, shares: Sequence[float]) -> AnyFloats:
+        """Clip frames (N, M) after these shares of the second (M,)."""
+        at = as_floats("shares of the second", shares) * NODE_FRAMES
+        if at.ndim != 1 or not ((at >= 0) & (at <= NODE_FRAMES)).all():
+            raise unexpected("shares of the second (M,), 0 to 1", shares)
+        low = np.minimum(np.floor(at).astype(np.int64), NODE_FRAMES - 1)
+        before, after = self.source_frames[:, low], self.source_frames[:, low + 1]
+        frames: AnyFloats = before + (at - low) * (after - before)
+        return frames
 
     def with_motif_counts(self, counts_before: AnyInts) -> Layer:
         """The layer with the motif counts of the path that ends at each node.
@@ -226,9 +273,8 @@ class Layer:
         return row[follows], np.flatnonzero(follows)
 
 
-_ARRAYS = tuple(
-    f.name for f in fields(Layer) if f.name not in ("second", "new_goal", "moments", "returns", "steer_rad")
-)
+_OF_ALL_NODES = ("second", "bank", "new_goal", "moments", "returns", "steer_rad")
+_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
 
 
 def positions(layer: Layer, share: float) -> AnyFloats:

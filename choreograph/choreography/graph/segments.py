@@ -321,6 +321,7 @@ class LayerSource:
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
             danced=np.broadcast_to(self._not_danced, (len(clip), len(self._not_danced))),
+            bank=self._poses,
             new_goal=start + offset in self._goal_starts,
             moments=self._moments[start + offset],
             returns=self._returns[start + offset],
