@@ -57,17 +57,51 @@ _Key = tuple[Any, ...]  # of an entry: a signature first, then the processor and
 
 _log = logging.getLogger("choreograph")
 _patching = threading.RLock()
+_ahead: dict[Any, str] = {}  # kernels and their signatures
 
 
-def njit(**options: Any) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
-    """`numba.njit`, cached here."""
+def njit(
+    ahead: str | None = None, **options: Any
+) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
+    """`numba.njit`, cached here. `compiled_ahead` compiles a kernel for the signature `ahead`."""
 
     def compiled(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
         with kernel_cache():
             decorated: Callable[_Parameters, _Result] = numba.njit(cache=True, **options)(function)
+        if ahead is not None:
+            _ahead[decorated] = ahead
         return decorated
 
     return compiled
+
+
+@contextmanager
+def compiled_ahead(*modules: str) -> Iterator[None]:
+    """Compiles the kernels of these modules and packages in a thread while the block runs.
+
+    Only kernels of imported modules are compiled, in the order in which they were defined. A kernel that the
+    block calls before its turn is compiled at once. At the end of the block, the thread finishes the kernel
+    that it compiles, and leaves out the others.
+    """
+    prefixes = tuple(f"{name}." for name in modules)
+    kernels = [
+        (kernel, ahead) for kernel, ahead in _ahead.items() if f"{kernel.__module__}.".startswith(prefixes)
+    ]
+    ended = threading.Event()
+
+    def compile_all() -> None:
+        for kernel, ahead in kernels:
+            if ended.is_set():
+                return
+            kernel.compile(ahead)
+
+    thread = threading.Thread(target=compile_all, name="compiled_ahead")
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

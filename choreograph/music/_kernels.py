@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +76,6 @@ def best_beat_sequence(
     return np.array(beats[::-1], np.int64)
 
 
-@njit(nogil=True)
 def best_bar_sequence(
     beat: Floats,
     bar: Floats,
@@ -99,142 +100,167 @@ def best_bar_sequence(
     of each state's metre, and state_number (S,) its number. Returns the bounds of the intervals (Q + 1,),
     from the first frame or before it to the last or after it, and the states of the intervals (Q,).
     """
-    n_frames, n_metres, n_states = len(beat), bar.shape[1], len(state_metre)
-    last_period = first_period + n_periods - 1
-    n_ends = n_frames + last_period  # the last interval may end after the last frame
+    n_states, last_period = len(state_metre), first_period + n_periods - 1
+    n_ends = len(beat) + last_period  # the last interval may end after the last frame
     depth = last_period + 1
-    ring = np.full((depth, n_periods, n_states), -np.inf)  # scores of the latest frames
+    scores = np.full((depth, n_periods, n_states), -np.inf)  # of the latest frames
     best_score = np.full(depth, -np.inf)  # over periods and states
-    best_state = np.zeros((n_ends, 2), np.int16)  # its period's index and its state
-    from_period = np.full((n_ends, n_periods, n_states), -1, np.int16)  # -1: the first interval
-    from_state = np.zeros((n_ends, n_periods, n_states), np.int8)
+    best_place = np.zeros(depth, np.int32)  # its period's index times S, plus its state
+    sums = np.zeros((n_periods, 1 + len(metres)), np.complex128)
+    metre_sums = np.zeros((n_periods, len(metres)))
+    vectors = np.concatenate([beat[:, None], bar], axis=1)
+    vectors = vectors[..., 0] + 1j * vectors[..., 1]  # (T, 1 + M)
     turn, previous = _places_in_bar(state_metre, state_number, metres)
-    gain = np.zeros(n_states)
-    reach = np.sqrt(break_cost / change_cost)  # relative change beyond which a break is cheaper
-    vectors = _vectors(beat, bar)
     turns, newest = _phase_steps(first_period, n_periods, metres)
-    sums = np.zeros((n_periods, 1 + n_metres), np.complex128)
-    metre_sums = np.zeros((n_periods, n_metres))
-    end_score, end_t, end_p, end_s = -np.inf, 0, 0, 0
-    for t in range(1, n_ends):
-        row = t % depth
-        ring[row] = -np.inf
-        best_score[row] = -np.inf
-        _slide(sums, metre_sums, vectors, metre_gain, turns, newest, t, first_period)
-        for i in range(n_periods):
-            p = first_period + i
-            start = t - p
-            if start >= n_frames:
-                continue
-            for s in range(n_states):
-                m = state_metre[s]
-                bar_sum = sums[i, 1 + m]
-                gain[s] = sums[i, 0].real + metre_sums[i, m]
-                gain[s] += bar_sum.real * turn[s, 0] + bar_sum.imag * turn[s, 1]
-            if start <= 0:
-                for s in range(n_states):
-                    ring[row, i, s] = gain[s]
-            else:
-                back = start % depth
-                low, high = max(0, i - int(reach * p) - 1), min(n_periods, i + int(reach * p) + 2)
-                for s in range(n_states):
-                    best = best_score[back] - break_cost
-                    period, state = best_state[start, 0], best_state[start, 1]
-                    for j in range(low, high):
-                        change = max(abs(i - j) - 0.5, 0.0) / p
-                        score = ring[back, j, previous[s]] - change_cost * change * change
-                        if score > best:
-                            best, period, state = score, j, previous[s]
-                    ring[row, i, s] = best + gain[s]
-                    from_period[t, i, s], from_state[t, i, s] = period, state
-            for s in range(n_states):
-                if ring[row, i, s] > best_score[row]:
-                    best_score[row] = ring[row, i, s]
-                    best_state[t, 0], best_state[t, 1] = i, s
-                if t >= n_frames and ring[row, i, s] > end_score:
-                    end_score, end_t, end_p, end_s = ring[row, i, s], t, i, s
-    return _traced(end_t, end_p, end_s, from_period, from_state, first_period)
+    reach = float(np.sqrt(break_cost / change_cost))  # relative change beyond which a break is cheaper
+    paths = _Paths(first_period, n_states, depth)
+    for first in range(1, n_ends, _BLOCK):
+        came_from = np.empty((min(_BLOCK, n_ends - first), n_periods, n_states), np.int32)
+        _extend_paths(
+            first, vectors, metre_gain, turns, newest, first_period, state_metre, turn, previous, reach,
+            change_cost, break_cost, sums, metre_sums, scores, best_score, best_place, came_from,
+        )  # fmt: skip
+        paths.extend(came_from.reshape(len(came_from), -1))
+    ends = np.arange(len(beat), n_ends)
+    end = int(ends[best_score[ends % depth].argmax()])
+    intervals = paths.to(end, int(best_place[end % depth]))
+    begin = intervals[0][0] - first_period - intervals[0][1] // n_states
+    bounds = [begin, *(frame for frame, _ in intervals)]
+    return np.array(bounds, np.int64), np.array([place % n_states for _, place in intervals], np.int64)
 
 
-@njit(nogil=True)
-def _vectors(beat: Floats, bar: Floats) -> Complexes:
-    """The vectors of the beat (T, 2) and of the bars (T, M, 2) as complex numbers (T, 1 + M)."""
-    vectors = np.empty((len(beat), 1 + bar.shape[1]), np.complex128)
-    vectors[:, 0] = beat[:, 0] + 1j * beat[:, 1]
-    vectors[:, 1:] = bar[:, :, 0] + 1j * bar[:, :, 1]
-    return vectors
+_BLOCK = 4096  # frames after which the beginning that all paths share is found
 
 
-@njit(nogil=True)
+class _Paths:
+    """Where the best path to each interval comes from, without the beginning that all paths share.
+
+    An interval is the frame at which it ends and its place, the index of its period times S plus its state.
+    """
+
+    def __init__(self, first_period: int, n_states: int, depth: int) -> None:
+        self._first_period, self._n_states, self._depth = first_period, n_states, depth
+        self._shared: list[tuple[int, int]] = []
+        self._came_from: list[NDArray[np.int32]] = []  # rows (P S,) of the places before, -1 for none
+        self._first = 1  # the frame of the first row, which is the last of `_shared` if there are any
+
+    def extend(self, came_from: NDArray[np.int32]) -> None:
+        """Add the rows (T', P S) of the next frames. The latest `depth` frames are those that may go on."""
+        self._came_from.extend(came_from)
+        alive = np.zeros((len(self._came_from), came_from.shape[1]), np.bool_)
+        alive[-self._depth :] = True
+        for row in range(len(alive) - 1, 0, -1):
+            places = np.flatnonzero(alive[row])
+            alone = len(places) == 1 and not alive[max(row - self._depth, 0) : row].any()
+            if alone and row < len(alive) - self._depth:
+                self._shared = self.to(row + self._first, int(places[0]))
+                del self._came_from[:row]
+                self._first += row
+                return
+            before = self._came_from[row][places]
+            if (before < 0).any():  # a path begins here
+                return
+            alive[row - self._first_period - places // self._n_states, before] = True
+
+    def to(self, frame: int, place: int) -> list[tuple[int, int]]:
+        """The intervals of the path that ends with this one."""
+        intervals = []
+        while place >= 0 and not (self._shared and frame <= self._first):
+            intervals.append((frame, place))
+            before = self._came_from[frame - self._first][place]
+            frame, place = frame - self._first_period - place // self._n_states, int(before)
+        return self._shared + intervals[::-1]
+
+
 def _places_in_bar(state_metre: Indices, state_number: Indices, metres: Indices) -> tuple[Floats, Indices]:
     """Where each state begins within its bar, (S, 2) unit vectors, and the state before it (S,)."""
-    n_states = len(state_metre)
-    turn = np.empty((n_states, 2))
-    previous = np.empty(n_states, np.int64)
-    for s in range(n_states):
-        metre = metres[state_metre[s]]
-        turn[s, 0] = np.cos(2 * np.pi * (state_number[s] - 1) / metre)
-        turn[s, 1] = np.sin(2 * np.pi * (state_number[s] - 1) / metre)
-        previous[s] = s - 1 if state_number[s] > 1 else s + metre - 1
-    return turn, previous
+    metre, states = metres[state_metre], np.arange(len(state_metre))
+    angle = 2 * np.pi * (state_number - 1) / metre
+    previous = np.where(state_number > 1, states - 1, states + metre - 1)
+    return np.array([(math.cos(a), math.sin(a)) for a in angle]), previous
 
 
-@njit(nogil=True)
 def _phase_steps(first_period: int, n_periods: int, metres: Indices) -> tuple[Complexes, Complexes]:
     """The phases in beat and bars that run through each interval, (P, 1 + M) unit complex numbers each.
 
     Returns their rotation from frame to frame, and the inverse of the phase in the last frame of the
     interval.
     """
-    turns = np.empty((n_periods, 1 + len(metres)), np.complex128)
-    newest = np.empty_like(turns)
-    for i in range(n_periods):
-        for m in range(1 + len(metres)):
-            angle = 2 * np.pi / ((first_period + i) * (1 if m == 0 else metres[m - 1]))
-            turns[i, m] = np.exp(1j * angle)
-            newest[i, m] = np.exp(-1j * angle * (first_period + i - 1))
-    return turns, newest
+    periods = first_period + np.arange(n_periods)[:, None]  # (P, 1)
+    angle = 2 * np.pi / (periods * np.append(1, metres))
+    return np.exp(1j * angle), np.exp(-1j * angle * (periods - 1))
 
 
-@njit(nogil=True)
-def _slide(
-    sums: Complexes,
-    metre_sums: Floats,
+@njit(
+    "void(int64, complex128[:,::1], float64[:,::1], complex128[:,::1], complex128[:,::1], int64, "
+    "int64[::1], float64[:,::1], int64[::1], float64, float64, float64, complex128[:,::1], "
+    "float64[:,::1], float64[:,:,::1], float64[::1], int32[::1], int32[:,:,::1])",
+    nogil=True,
+    error_model="numpy",
+)
+def _extend_paths(
+    first: int,
     vectors: Complexes,
     metre_gain: Floats,
     turns: Complexes,
     newest: Complexes,
-    t: int,
     first_period: int,
-) -> None:
-    """Update the sums over the interval that ends at frame t - 1 to frame t, for each of its lengths.
+    state_metre: Indices,
+    turn: Floats,
+    previous: Indices,
+    reach: float,
+    change_cost: float,
+    break_cost: float,
+    sums: Complexes,
+    metre_sums: Floats,
+    scores: Floats,
+    best_score: Floats,
+    best_place: NDArray[np.int32],
+    came_from: NDArray[np.int32],
+) -> None:  # pragma: no cover - compiled
+    """Continue the best paths of `best_bar_sequence` through the frames from `first` on.
 
-    `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval. One frame leaves
-    at phase 0, all phases rotate, and one frame enters. `metre_sums` (P, M) are those of `metre_gain`.
+    Sets the places before those of each frame, `came_from` (T', P, S), and updates the arrays before it.
+    `sums` (P, 1 + M) are those of the vectors over the phases that run through the interval that ends at the
+    frame, for each of its lengths, and `metre_sums` (P, M) those of `metre_gain`. From frame to frame, one
+    frame leaves at phase 0, all phases rotate, and one frame enters.
     """
-    n_frames = len(vectors)
-    for i in range(len(sums)):
-        gone = t - first_period - i - 1
-        for m in range(vectors.shape[1]):
-            if 0 <= gone < n_frames:
-                sums[i, m] -= vectors[gone, m]
-                if m > 0:
-                    metre_sums[i, m - 1] -= metre_gain[gone, m - 1]
-            sums[i, m] *= turns[i, m]
-            if t - 1 < n_frames:
-                sums[i, m] += vectors[t - 1, m] * newest[i, m]
-                if m > 0:
-                    metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
-
-
-@njit(nogil=True)
-def _traced(
-    t: int, i: int, s: int, from_period: NDArray[np.int16], from_state: NDArray[np.int8], first_period: int
-) -> tuple[Indices, Indices]:
-    """The path that ends at frame t with period i in state s: bounds (Q + 1,) and states (Q,)."""
-    bounds, states = [t, t - first_period - i], [s]
-    while from_period[t, i, s] >= 0:
-        t, i, s = t - first_period - i, from_period[t, i, s], from_state[t, i, s]
-        bounds.append(t - first_period - i)
-        states.append(s)
-    return np.array(bounds[::-1], np.int64), np.array(states[::-1], np.int64)
+    n_frames, n_columns = vectors.shape
+    depth, n_periods, n_states = scores.shape
+    for t in range(first, first + len(came_from)):
+        row = t % depth
+        best_score[row] = -np.inf
+        for i in range(n_periods):
+            p = first_period + i
+            start = t - p
+            for m in range(n_columns):
+                if 0 < start <= n_frames:
+                    sums[i, m] -= vectors[start - 1, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] -= metre_gain[start - 1, m - 1]
+                sums[i, m] *= turns[i, m]
+                if t - 1 < n_frames:
+                    sums[i, m] += vectors[t - 1, m] * newest[i, m]
+                    if m > 0:
+                        metre_sums[i, m - 1] += metre_gain[t - 1, m - 1]
+            back = start % depth
+            low, high = max(0, i - int(reach * p) - 1), min(n_periods, i + int(reach * p) + 2)
+            for s in range(n_states):
+                best, place = 0.0, -1
+                if start >= n_frames:
+                    best = -np.inf
+                elif start > 0:
+                    best, place = best_score[back] - break_cost, best_place[back]
+                    for j in range(low, high):
+                        change = max(abs(i - j) - 0.5, 0.0) / p
+                        score = scores[back, j, previous[s]] - change_cost * change * change
+                        if score > best:
+                            best, place = score, j * n_states + previous[s]
+                m = state_metre[s]
+                of_bar = sums[i, 1 + m]
+                gain = sums[i, 0].real + metre_sums[i, m]
+                gain += of_bar.real * turn[s, 0] + of_bar.imag * turn[s, 1]
+                scores[row, i, s] = best + gain
+                came_from[t - first, i, s] = place
+                if best + gain > best_score[row]:
+                    best_score[row], best_place[row] = best + gain, i * n_states + s

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
-from choreograph.choreography.engine import DanceRequest, check_settings, engine_for, engines
+from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engines
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.material import choose_material, missing_from_plan
@@ -25,6 +25,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
+from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
@@ -296,6 +297,23 @@ def _danced(
     report: ProgressReport | None,
 ) -> Dance:
     """The stages in order, with checked arguments."""
+    engine = engines()[config.engine]
+    with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
+        return _staged(engine, song, repertoire, config, requested, costs, style, kept_of, report)
+
+
+def _staged(
+    engine: Engine,
+    song: Song,
+    repertoire: Repertoire,
+    config: DanceConfig,
+    requested: Constraints,
+    costs: tuple[Cost, ...],
+    style: Song | None,
+    kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
+    report: ProgressReport | None,
+) -> Dance:
+    """`_danced`, while kernels are compiled."""
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
@@ -305,7 +323,6 @@ def _danced(
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
-    engine = engines()[config.engine]
     if kept is not None and kept.plan is not None and "costs" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(

@@ -4,9 +4,12 @@ import os
 import random
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
+
+from choreograph.core import kernel_cache
 
 # A kernel compiled at its first call, and two whose wrappers call them by a name that one process gave them.
 # The wrapper of the last one is made at its first call.
@@ -183,6 +186,60 @@ def test_with_a_numba_that_is_built_otherwise_kernels_are_compiled_every_time(st
     assert err.startswith("note: compiled code is not kept") and err.count("\n") == 1, err
     assert not (tmp_path / "cache").exists()
     assert not list(tmp_path.rglob("*.nb?"))
+
+
+def test_kernels_are_compiled_ahead_for_the_signature_of_their_calls(start, tmp_path):
+    (tmp_path / "planned").mkdir()
+    (tmp_path / "planned" / "sums.py").write_text(
+        "from choreograph.core.kernel_cache import njit\n"
+        "@njit('float64(float64[::1])', nogil=True)\n"
+        "def total(x):\n"
+        "    return x.sum()\n"
+        "@njit(nogil=True)\n"
+        "def other(x):\n"
+        "    return x\n"
+    )
+    code = (
+        "import time\n"
+        "import numpy as np\n"
+        "from choreograph.core.kernel_cache import compiled_ahead\n"
+        "from planned import sums\n"
+        "with compiled_ahead('plan', 'planned.su'):\n"  # beginnings of names
+        "    time.sleep(0.1)\n"
+        "assert not sums.total.signatures\n"
+        "with compiled_ahead('planned'):\n"
+        "    while not sums.total.signatures:\n"
+        "        time.sleep(0.01)\n"
+        "compiled = list(sums.total.signatures)\n"
+        "assert sums.total(np.arange(4.0)) == 6.0\n"
+        "assert sums.total.signatures == compiled and not sums.other.signatures\n"
+    )
+    assert _finished(start(code)) == ("", "")
+    assert len(_entries(tmp_path / "cache")) == 1
+
+
+def test_a_block_that_fails_waits_only_for_the_kernel_that_is_compiled(monkeypatch):
+    begun, may_end, compiled = threading.Event(), threading.Event(), []
+
+    class Kernel:
+        __module__ = "planned"
+
+        def compile(self, signature):
+            begun.set()
+            assert may_end.wait(10)
+            compiled.append(signature)
+
+    monkeypatch.setattr(kernel_cache, "_ahead", {Kernel(): "void()", Kernel(): "void(int64)"})
+
+    def fail():
+        assert begun.wait(10)
+        threading.Timer(0.05, may_end.set).start()
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), kernel_cache.compiled_ahead("planned"):
+        fail()
+    assert compiled == ["void()"]
+    assert not [thread for thread in threading.enumerate() if thread.name == "compiled_ahead"]
 
 
 @pytest.mark.slow

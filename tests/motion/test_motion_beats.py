@@ -47,7 +47,8 @@ def test_steady_travel_and_standing_have_no_beats():
 
 def _kernel_minima(speed):
     """What the warper's kernel finds in a clip played at its recorded tempo."""
-    frames, n_beats = _played_beats(np.arange(len(speed), dtype=np.float64), speed, MIN_PROMINENCE)
+    played, frames = np.empty((2, len(speed)))
+    n_beats = _played_beats(np.arange(float(len(speed))), speed, MIN_PROMINENCE, played, frames)
     return frames[:n_beats]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -71,6 +73,24 @@ def test_the_same_seed_gives_the_same_bytes(made, repertoire, song, tmp_path):
             dance.save(path)
             files.append(path.read_bytes())
         assert files[0] == files[1], suffix
+
+
+@pytest.mark.slow
+def test_each_kernel_of_a_dance_is_compiled_once_for_the_signature_that_is_compiled_ahead():
+    """In a new process, since other tests call kernels with other types."""
+    code = (
+        "import choreograph as cg\n"
+        "from choreograph.core import kernel_cache\n"
+        "from numba.core.sigutils import normalize_signature\n"
+        "cg.dance(cg.example_songs()['house'], duration_s=8, cache=False)\n"
+        "for kernel, ahead in kernel_cache._ahead.items():\n"
+        "    assert kernel.signatures == [normalize_signature(ahead)[0]], kernel\n"
+        "    assert kernel.nopython_signatures[0].return_type == normalize_signature(ahead)[1], kernel\n"
+        "print(len(kernel_cache._ahead))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) >= 9
 
 
 def test_steps_fall_on_the_clicks(made):

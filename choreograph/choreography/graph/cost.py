@@ -208,7 +208,10 @@ F32 = NDArray[np.float32]
 _ROUNDING = np.float32(2e-6)
 
 
-@njit(nogil=True)
+@njit(
+    "float32[:,::1](float32[:,::1], float32[::1], float32[::1], float32)",
+    nogil=True,
+)
 def distances_from_product(
     product: F32, sq_a: F32, sq_b: F32, scale: np.float32
 ) -> F32:  # pragma: no cover - compiled
@@ -222,14 +225,17 @@ def distances_from_product(
     return product
 
 
-@njit(nogil=True)
+@njit(
+    "float32[:,::1](int32[::1], float64[::1], int32[::1], float64[::1], int64, int64)",
+    nogil=True,
+)
 def revisits(
     take_a: AnyInts,
     end_a: AnyFloats,
     take_b: AnyInts,
     start_b: AnyFloats,
-    min_frames: float,
-    max_frames: float,
+    min_frames: int,
+    max_frames: int,
 ) -> F32:  # pragma: no cover - compiled
     """1 where a and b share a take and b starts between `min_frames` and `max_frames` before a ends, (P, N).
 
@@ -272,7 +278,11 @@ def rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:
     return speed_m_s
 
 
-@njit(nogil=True)
+@njit(
+    "float32[:,::1](float64[::1], float32[::1], float32[::1], float64, int64[::1], int64[::1], "
+    "float64[:,::1], float64, float64)",
+    nogil=True,
+)
 def turned_costs(
     turn_rad: AnyFloats,
     end_rad: AnyFloats,

@@ -199,8 +199,9 @@ class Front(Cost):
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         costs: AnyFloats = turned_costs(
-            previous.turn_rad, previous.join_heading_rad[:, 1], next.join_heading_rad[:, 0], next.steer_rad,
-            previous.next_part, next.part, *_heading_series(next, song_features), _TURNED_TAKE,
+            previous.turn_rad, np.ascontiguousarray(previous.join_heading_rad[:, 1]),
+            np.ascontiguousarray(next.join_heading_rad[:, 0]), next.steer_rad, previous.next_part, next.part,
+            *_heading_series(next, song_features), _TURNED_TAKE,
         )  # fmt: skip
         return costs
 
@@ -302,15 +303,10 @@ class Repeat(Cost):
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-
         again: AnyFloats = revisits(
-            previous.take,
-            previous.take_frames[:, 1],
-            next.take,
-            next.take_frames[:, 0],
-            _OVERLAP_FRAMES,
-            CLIP_FRAMES,
-        )
+            previous.take, np.ascontiguousarray(previous.take_frames[:, 1]),
+            next.take, np.ascontiguousarray(next.take_frames[:, 0]), _OVERLAP_FRAMES, CLIP_FRAMES,
+        )  # fmt: skip
         return again
 
 

@@ -132,7 +132,10 @@ class Signature(Cost):
         return total
 
 
-@njit(nogil=True)
+@njit(
+    "float32[:,::1](float32[:,::1], int16[:,::1], int16[:,::1])",
+    nogil=True,
+)
 def _motif_count_costs(
     step_cost: NDArray[np.float32], counts: NDArray[np.integer], motifs: NDArray[np.integer]
 ) -> NDArray[np.float32]:  # pragma: no cover - compiled

@@ -199,26 +199,24 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
     return found[::-1]
 
 
-@njit(nogil=True)
-def _cheapest_predecessor(
-    reached: NDArray[np.float32], edges: NDArray[np.float32]
-) -> NDArray[np.int32]:  # pragma: no cover - compiled
-    """The row i with the least reached[i] + edges[i, j] for every column, (N,) int32, of float32 arrays."""
+@njit(
+    "void(float32[::1], float32[:,::1], float32[::1], int32[::1])",
+    nogil=True,
+)
+def _cheapest_predecessors(
+    reached: NDArray[np.float32],
+    edges: NDArray[np.float32],
+    least: NDArray[np.float32],
+    rows: NDArray[np.int32],
+) -> None:  # pragma: no cover - compiled
+    """Write the least reached[i] + edges[i, j] of each column j to `least` (N,), and i to `rows` (N,)."""
     n_a, n_b = edges.shape
-    parent = np.zeros(n_b, np.int32)
-    block = 512
-    for b in range((n_b + block - 1) // block):
-        best = np.full(block, np.float32(np.inf))
-        first = b * block
-        width = min(block, n_b - first)
-        for i in range(n_a):
-            r = reached[i]
-            for j in range(width):
-                c = r + edges[i, first + j]
-                if c < best[j]:
-                    best[j] = c
-                    parent[first + j] = i
-    return parent
+    for i in range(n_a):
+        for j in range(n_b):
+            cost = reached[i] + edges[i, j]
+            if cost < least[j]:
+                least[j] = cost
+                rows[j] = i
 
 
 def _viterbi_step(
@@ -262,7 +260,9 @@ def _viterbi_step(
         def improve(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
             there = following if len(part) == following.n_nodes else following.subset(part)
             edges = edge_costs(layer.subset(block), there, costs, song_features)
-            rows = _cheapest_predecessor((reached[block] - reached[block[0]]).astype(np.float32), edges)
+            rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
+            beyond = (reached[block] - reached[block[0]]).astype(np.float32)
+            _cheapest_predecessors(beyond, edges, least, rows)
             cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
             better = cost < best[part]
             best[part[better]] = cost[better]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.layers import Layer, Moments, PoseBank, joined_layers
+from choreograph.choreography.graph.warp_kernels import segment_beats
 from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
     CountedClips,
@@ -70,8 +71,6 @@ def warp_segments(
     counts instead (`count_time_maps`). With `as_recorded`, segments are the clips' middle 4 s at their own
     speed. See ChoreoGraph, section 3.2. Smooth time maps (`smoothed`) and alignment by counts are ours.
     """
-    from choreograph.choreography.graph.warp_kernels import segment_beats
-
     n_seconds, k = clip.shape
     time_maps = np.empty((n_seconds, k, SEGMENT_FRAMES + 1), np.float32)
     density_mismatch = np.zeros((n_seconds, k, SEGMENT_S), np.float32)

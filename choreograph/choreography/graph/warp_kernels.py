@@ -18,7 +18,11 @@ F64 = NDArray[np.float64]
 UNREACHED = np.float32(3.0e38)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(
+    "Tuple((float32[:,::1], float32[::1]))(float32[:,::1], float32[:,::1])",
+    nogil=True,
+    error_model="numpy",
+)
 def dtw_batch(queries: F32, targets: F32) -> tuple[F32, F32]:  # pragma: no cover - compiled
     """Subsequence DTW of queries (K, Tq) in targets (K, Tt), float32: source frames (K, Tq), costs (K,).
 
@@ -48,21 +52,20 @@ def dtw_batch(queries: F32, targets: F32) -> tuple[F32, F32]:  # pragma: no cove
                 query_twice = before[j + 1] + (c + c)
                 best = target_twice if target_twice < both else both
                 row[j + 2] = query_twice if query_twice < best else best
-        end = 0
-        for j in range(1, n_target):
-            if table[n_query, j + 2] < table[n_query, end + 2]:
-                end = j
-        costs[k] = table[n_query, end + 2] / n_query
-        _backtrack(queries[k], target, table, end, source_frames[k])
+        costs[k] = _backtrack(queries[k], target, table, source_frames[k]) / n_query
     return source_frames, costs
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _backtrack(
-    query: F32, target: F32, table: F32, end: int, source_frames: F32
-) -> None:  # pragma: no cover - compiled
-    """Write the path that ends at `end` to `source_frames`, from the cost table (1 + Tq, 2 + Tt)."""
-    i, j = len(query) - 1, end
+    query: F32, target: F32, table: F32, source_frames: F32
+) -> np.float32:  # pragma: no cover - compiled
+    """Write the cheapest path to `source_frames`, from the cost table (1 + Tq, 2 + Tt). Returns its cost."""
+    i, j = len(query) - 1, len(target) - 1
+    for end in range(len(target) - 2, -1, -1):
+        if table[i + 1, end + 2] <= table[i + 1, j + 2]:
+            j = end
+    cost = table[i + 1, j + 2]
     source_frames[i] = j
     while i > 0:
         d = query[i] - target[j]
@@ -81,9 +84,10 @@ def _backtrack(
             i -= 1
             j -= 1
         source_frames[i] = j
+    return cost
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _solve_banded(main: F64, first: F64, second: F64, rhs: F64) -> None:  # pragma: no cover - compiled
     """In-place LDLᵀ solve of a symmetric positive definite pentadiagonal system."""
     n = len(main)
@@ -108,7 +112,7 @@ def _solve_banded(main: F64, first: F64, second: F64, rhs: F64) -> None:  # prag
         rhs[i] = value / main[i]
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _match_beats(
     path: F64, source_beats: F64, music_beats: F64, window: float, anchor_frame: F64, anchor_source: F64
 ) -> int:  # pragma: no cover - compiled
@@ -148,7 +152,7 @@ def _match_beats(
     return count
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _gap_of(path: F64, frame: float, source: float) -> float:  # pragma: no cover - compiled
     """Distance of a source frame from the path at an output frame, in output frames."""
     low = min(int(frame), len(path) - 2)
@@ -157,7 +161,7 @@ def _gap_of(path: F64, frame: float, source: float) -> float:  # pragma: no cove
     return gap
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _limit_slopes(
     path: F64, slopes: F64, min_slope: float, max_slope: float, last_source: float
 ) -> None:  # pragma: no cover - compiled
@@ -185,7 +189,12 @@ def _limit_slopes(
         path[i] = min(max(path[i] + shift, lowest), highest)
 
 
-@njit(nogil=True)
+@njit(
+    "float64[:,::1](float64[:,::1], float64[::1], int64[:,::1], float64[::1], float64, float64, "
+    "float64, float64, float64, float64)",
+    nogil=True,
+    error_model="numpy",
+)
 def smooth_batch(
     paths: F64,
     beats: F64,
@@ -237,7 +246,7 @@ def smooth_batch(
     return maps
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _normal_equations(
     path: F64, stiffness: float, main: F64, first: F64, second: F64, rhs: F64
 ) -> None:  # pragma: no cover - compiled
@@ -257,10 +266,9 @@ def _normal_equations(
         second[i] += stiffness
 
 
-@njit(nogil=True)
 def segment_beats(
-    maps: F64, speeds: F32, music: NDArray[np.floating], near: float, far: float, prominence: float
-) -> tuple[F32, F32, F32]:  # pragma: no cover - compiled
+    maps: F64, speeds: F32, music: F64, near: float, far: float, prominence: float
+) -> tuple[F32, F32, F32]:
     """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
     `speeds` (K, Tt) are the clips' mean joint speeds. Motion beats are found in the warped motion: a tempo
@@ -269,15 +277,38 @@ def segment_beats(
     beyond `far`. The others are the first and last motion beat in frames of their quarter, nan where there is
     none.
     """
-    n = len(maps)
+    unmatched, n_beats = np.zeros((2, len(maps), 4), np.float32)
+    first, last = np.full((2, len(maps), 4), np.nan, np.float32)
+    scratch = np.empty(maps.shape[1]), np.empty(maps.shape[1])
+    _measure_beats(maps, speeds, music, near, far, prominence, *scratch, unmatched, n_beats, first, last)
+    return unmatched / np.maximum(n_beats, 1), first, last
+
+
+@njit(
+    "void(float64[:,::1], float32[:,::1], float64[::1], float64, float64, float64, float64[::1], "
+    "float64[::1], float32[:,::1], float32[:,::1], float32[:,::1], float32[:,::1])",
+    nogil=True,
+    error_model="numpy",
+)
+def _measure_beats(
+    maps: F64,
+    speeds: F32,
+    music: F64,
+    near: float,
+    far: float,
+    prominence: float,
+    speed: F64,
+    played: F64,
+    unmatched: F32,
+    n_beats: F32,
+    first: F32,
+    last: F32,
+) -> None:  # pragma: no cover - compiled
+    """Write the measures of `segment_beats` (K, 4), of which `unmatched` is a sum, with the beats counted."""
     n_frames = maps.shape[1] - 1
     quarter = n_frames // 4
-    unmatched = np.zeros((n, 4), np.float32)
-    first = np.full((n, 4), np.nan, np.float32)
-    last = np.full((n, 4), np.nan, np.float32)
-    for k in range(n):
-        played, count = _played_beats(maps[k], speeds[k], prominence)
-        n_beats = np.zeros(4)
+    for k in range(len(maps)):
+        count = _played_beats(maps[k], speeds[k], prominence, speed, played)
         for p in range(count):
             q = min(int(played[p]) // quarter, 3)
             at = np.float32(played[p] - q * quarter)
@@ -285,32 +316,29 @@ def segment_beats(
                 first[k, q] = at
             last[k, q] = at
             unmatched[k, q] += _unmatched(played[p], music, len(music), near, far)
-            n_beats[q] += 1
+            n_beats[k, q] += 1
         for m in range(len(music)):
             if 0 <= music[m] < n_frames:
                 q = int(music[m]) // quarter
                 unmatched[k, q] += _unmatched(music[m], played, count, near, far)
-                n_beats[q] += 1
-        for q in range(4):
-            if n_beats[q] > 0:
-                unmatched[k, q] /= n_beats[q]
-    return unmatched, first, last
+                n_beats[k, q] += 1
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _played_beats(
-    time_map: F64, speed: F32, prominence: float
-) -> tuple[F64, int]:  # pragma: no cover - compiled
-    """Minima of the speed of a clip played through `time_map`, in output frames, and their number."""
+    time_map: F64, speed: F32, prominence: float, played: F64, beats: F64
+) -> int:  # pragma: no cover - compiled
+    """Minima of the speed of a clip played through `time_map`, in output frames. Returns their number.
+
+    They are written to `beats`, and the speed to `played`, both as long as the map.
+    """
     n = len(time_map)
-    played = np.empty(n)
     for i in range(n):
         low = min(int(time_map[i]), len(speed) - 2)
         weight = time_map[i] - low
         slope = (time_map[min(i + 1, n - 1)] - time_map[max(i - 1, 0)]) / (min(i + 1, n - 1) - max(i - 1, 0))
         played[i] = slope * (speed[low] + weight * (speed[low + 1] - speed[low]))
-    deep = prominence * _median(played)
-    beats = np.empty(n)
+    deep = prominence * _median(played, beats)
     count = 0
     for i in range(1, n - 1):
         if not (played[i] < played[i - 1] and played[i] <= played[i + 1]):
@@ -329,14 +357,13 @@ def _played_beats(
         bend = played[i - 1] - 2 * played[i] + played[i + 1]
         beats[count] = i + 0.5 * (played[i - 1] - played[i + 1]) / max(bend, 1e-9)
         count += 1
-    return beats, count
+    return count
 
 
-@njit()
-def _median(values: F64) -> float:  # pragma: no cover - compiled
-    """The median, by sorting a copy, which is fast for the 80 frames of a segment."""
+@njit(error_model="numpy", inline="always")
+def _median(values: F64, ordered: F64) -> float:  # pragma: no cover - compiled
+    """The median, by sorting a copy to `ordered`, which is fast for the 80 frames of a segment."""
     n = len(values)
-    ordered = np.empty(n)
     for i in range(n):
         j = i
         while j > 0 and ordered[j - 1] > values[i]:
@@ -347,9 +374,9 @@ def _median(values: F64) -> float:  # pragma: no cover - compiled
     return median
 
 
-@njit()
+@njit(error_model="numpy", inline="always")
 def _unmatched(
-    at: float, others: NDArray[np.floating], count: int, near: float, far: float
+    at: float, others: F64, count: int, near: float, far: float
 ) -> float:  # pragma: no cover - compiled
     gap = far
     for i in range(count):

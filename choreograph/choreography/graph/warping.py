@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from choreograph.choreography.graph.warp_kernels import dtw_batch, smooth_batch
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
@@ -45,8 +46,6 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
     ChoreoGraph, section 3.2
     Müller, Fundamentals of Music Processing (2015), section 7.2
     """
-    from choreograph.choreography.graph.warp_kernels import dtw_batch
-
     q = np.asarray(query, np.float32)
     t = np.asarray(targets, np.float32)
     if q.ndim not in (1, 2) or t.ndim not in (1, 2):
@@ -55,8 +54,9 @@ def subsequence_dtw(query: ArrayLike, targets: ArrayLike) -> tuple[NDArray[np.fl
     n = max(len(a) if a.ndim == 2 else 1 for a in (q, t))
     if any(a.ndim == 2 and len(a) != n for a in (q, t)):
         raise ParameterError(f"expected as many queries as targets, got {q.shape} and {t.shape}")
-    q = np.ascontiguousarray(np.broadcast_to(q, (n, q.shape[-1])))  # (K, Tq)
-    t = np.ascontiguousarray(np.broadcast_to(t, (n, t.shape[-1])))  # (K, Tt)
+    # Copies, because a kernel is compiled again for arrays that cannot be written.
+    q = np.array(np.broadcast_to(q, (n, q.shape[-1])), order="C")  # (K, Tq)
+    t = np.array(np.broadcast_to(t, (n, t.shape[-1])), order="C")  # (K, Tt)
     if q.shape[1] < 2 or 2 * (t.shape[1] - 1) < q.shape[1] - 1:
         raise ParameterError(
             f"expected a query of at least 2 frames and a target that holds it at half speed, got "
@@ -104,8 +104,6 @@ def smooth_time_maps(
 
     Raises `ParameterError` for paths or ranges of another shape, or paths of fewer than three frames.
     """
-    from choreograph.choreography.graph.warp_kernels import smooth_batch
-
     paths = np.ascontiguousarray(source_frames, np.float64)
     ranges = np.ascontiguousarray(beat_ranges, np.int64)
     if paths.ndim != 2 or paths.shape[1] < 3 or ranges.shape != (len(paths), 2):
