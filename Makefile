@@ -1,5 +1,5 @@
-# make test: set up and run every test, in a fresh clone with the Python of PYTHON=python3.13, say; make test-fast:
-# those that take a moment.
+# make test: set up and run the quick tests, in a fresh clone with the Python of PYTHON=python3.13, say.
+# make test-slow: the others, which are marked `slow` or `alone`. make test-all: every test, as CI does.
 # make test-lowest: every test with the lowest versions that pyproject.toml allows, in an environment of its own.
 # make test-newest: every test with the newest versions that it allows, in another (3 GB where torch is for CUDA).
 # make dance [SONG=song.mp3] [DB=rep.h5]: set up and dance.
@@ -9,8 +9,10 @@ SONG ?= $(shell $(BIN)/choreograph songs --path house)
 DB ?=
 MINUTES ?= 5
 SEED ?=
+# Modules are compiled once and kept, not in each of the some hundred processes that tests start.
+unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup docs test test-fast test-lowest test-newest fuzz lint dance starter faults benchmark format
+.PHONY: setup docs test test-slow test-all test-lowest test-newest fuzz lint dance starter faults benchmark format
 
 setup: .venv/.ready
 
@@ -24,11 +26,15 @@ setup: .venv/.ready
 	touch .venv/.docs-ready
 
 test: setup
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not alone"
+
+test-slow: setup
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "slow and not alone"
 	$(BIN)/pytest -m alone tests/view
 
-test-fast: setup
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow and not alone"
+test-all: setup
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder -m "not alone"
+	$(BIN)/pytest -m alone tests/view
 
 test-lowest:
 	$(PYTHON) -m venv .venv-lowest

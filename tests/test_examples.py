@@ -8,11 +8,13 @@ import runpy
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 from command_line import run
 from synthetic_motions import stepping
 from synthetic_repertoire import synthetic_repertoire, write_clicks
@@ -20,8 +22,10 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 import choreograph as cg
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import make_counts, numbers_in_bar
+from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
 from choreograph.formats.tables import write_counts
+from research import dynamics
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9]*.py"))
@@ -46,16 +50,33 @@ WRITTEN = {
     "07_moving_picture.py": ("dance.webp",),
     "08_rollout_stream.py": ("stream.bvh",),
 }
+# What takes long is given less: a short song, or a shorter picture.
+OF_A_WHOLE_SONG = ("08_rollout_stream.py",)
+OF_SECONDS = {"07_moving_picture.py": 1.0}
+
+
+@pytest.fixture(scope="module")
+def short_song(tmp_path_factory):
+    """The first twelve seconds of a built-in song."""
+    path = tmp_path_factory.mktemp("short") / "house.wav"
+    soundfile.write(path, cg.load_song(cg.example_songs()["house"], duration_s=12.0).samples, SAMPLE_RATE_HZ)
+    return path
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.name)
-def test_an_example_runs_as_it_is(path, tmp_path, monkeypatch, capsys):
+def test_an_example_runs_as_it_is(path, short_song, tmp_path, monkeypatch, capsys):
     if "rollout" in path.name and "rollout" not in cg.starter_repertoire().net_names:
         pytest.skip("the built-in repertoire has no rollout network")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [str(path)])
-    runpy.run_path(str(path), run_name="__main__")
+    arguments = [str(short_song)] if path.name in OF_A_WHOLE_SONG else []
+    monkeypatch.setattr(sys, "argv", [str(path), *arguments])
+    if path.name in OF_SECONDS:
+        main = runpy.run_path(str(path), run_name="example")["main"]
+        monkeypatch.setitem(main.__globals__, "DURATION_S", OF_SECONDS[path.name])
+        main()
+    else:
+        runpy.run_path(str(path), run_name="__main__")
     assert capsys.readouterr().out
     for name in WRITTEN[path.name]:
         assert (tmp_path / name).stat().st_size > 0
@@ -215,7 +236,8 @@ def test_the_table_of_loud_and_soft_sections(db, run_script):
 @pytest.mark.slow
 def test_the_table_of_dynamics(run_script):
     given = ("--genres", "house", "--groups", "crescendo", "--seeds", 1)
-    shown = run_script("dynamics", *given, DURATION_S={"crescendo": 16.0})
+    few = {name: replace(config, candidates=24) for name, config in dynamics.SETTINGS.items()}
+    shown = run_script("dynamics", *given, DURATION_S={"crescendo": 16.0}, SETTINGS=few)
     for expected in ("crescendo: 1 songs, 1 seeds, graph", "crescendo, default:", "dynamics 0, energy 0:"):
         assert expected in shown
 

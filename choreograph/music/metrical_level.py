@@ -111,6 +111,9 @@ _SLOWEST_BPM, _FASTEST_BPM = 40.0, 240.0  # range of tempi at which dancers coun
 _SLOWER = {3: (1,), 4: (1, 3), 6: (1, 4)}
 _EIGHTHS_BPM = (140.0, 250.0)  # range of tempi of eighths that are counted as beats
 _LEAST_EIGHTHS = 2.0  # log odds. Real waltzes, whose eighths are no beats, have up to 1.2
+# The same if count 1 lies between the tracked beats: in about every second 6/8, but in one of twenty waltzes.
+_LEAST_EIGHTHS_BETWEEN = _LEAST_EIGHTHS - float(np.log(0.5 / 0.05))
+_SURELY_BETWEEN = 0.9  # of the counts 1
 DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 
 
@@ -161,8 +164,8 @@ def with_eighths(samples: NDArray[np.floating], log_mel: NDArray[np.floating], t
     """The counts of 6/8 and 7/8 on every eighth if they are tracked on every second one.
 
     A bar of 6/8 is tracked as three beats then, and two bars of 7/8 as seven. Whether the eighths are the
-    beats follows from what repeats after two, three and more of them. Arguments and errors are those of
-    `track_bars`.
+    beats follows from what repeats after two, three and more of them. Less evidence is needed for bars of
+    six whose count 1 lies between the tracked beats. Arguments and errors are those of `track_bars`.
     """
     metre = {3: 6, 7: 7}.get(tracked.metre)
     if metre is None or not _EIGHTHS_BPM[0] <= 2 * tempo_bpm(tracked) <= _EIGHTHS_BPM[1]:
@@ -170,10 +173,13 @@ def with_eighths(samples: NDArray[np.floating], log_mel: NDArray[np.floating], t
     times_s = _twice_as_many(tracked.times_s)
     times_s = times_s[times_s < len(samples) / SAMPLE_RATE_HZ]
     _, repeats = beat_evidence(samples, log_mel, times_s)
-    if repeats.mean(axis=0) @ EIGHTHS_WEIGHTS[:-1] + EIGHTHS_WEIGHTS[-1] < _LEAST_EIGHTHS:
+    log_odds = repeats.mean(axis=0) @ EIGHTHS_WEIGHTS[:-1] + EIGHTHS_WEIGHTS[-1]
+    if log_odds < (_LEAST_EIGHTHS_BETWEEN if metre == 6 else _LEAST_EIGHTHS):
         return tracked
     counts = track_bars(samples, log_mel, times_s)
-    return counts if counts.metre == metre else tracked
+    between = np.mean(np.flatnonzero(counts.numbers == 1) % 2) if counts.has_bars else 0.0
+    are_beats = log_odds >= _LEAST_EIGHTHS or between >= _SURELY_BETWEEN
+    return counts if counts.metre == metre and are_beats else tracked
 
 
 def choose_level(

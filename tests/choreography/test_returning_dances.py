@@ -49,10 +49,11 @@ def repertoire(request, tmp_path_factory):
     return synthetic_repertoire(tmp_path_factory.mktemp(request.param) / "rep.h5", takes)
 
 
-@pytest.fixture
-def dance(song, repertoire, monkeypatch):
-    """Dances to the song with the form ABA, or with another one."""
+@pytest.fixture(scope="module")
+def dance(song, repertoire):
+    """Dances to the song with the form ABA, or with another one, each made once."""
     path, beats = song
+    made: dict[str, cg.Dance] = {}
 
     def danced(letters: str = LETTERS, **settings) -> cg.Dance:
         phrases = tuple(
@@ -66,8 +67,12 @@ def dance(song, repertoire, monkeypatch):
             features, notes = analyse_song(*given, **keywords)
             return replace(features, form=Form(phrases)), notes
 
-        monkeypatch.setattr("choreograph.pipeline.dancing.analyse_song", planted)
-        return cg.dance(path, repertoire, beats=beats, hold_ends=False, **settings)
+        asked = f"{letters} {settings}"
+        if asked not in made:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("choreograph.pipeline.dancing.analyse_song", planted)
+                made[asked] = cg.dance(path, repertoire, beats=beats, hold_ends=False, **settings)
+        return made[asked]
 
     return danced
 

@@ -58,28 +58,29 @@ def moving(names: list[str], seed: int) -> Motion:
     return Motion(skeleton, np.zeros((2, 3)), np.tile(rot.IDENTITY, (2, len(names), 1)), 30.0)
 
 
-MOTIONS = [
-    moving(hostile_names(N_NAMES, 34)[start : start + N_JOINTS], start)
-    for start in range(0, N_NAMES, N_JOINTS)
-]
+@pytest.fixture(scope="module")
+def motions() -> list[Motion]:
+    """Ten thousand names, on the joints of twenty bodies."""
+    names = hostile_names(N_NAMES, 34)
+    return [moving(names[start : start + N_JOINTS], start) for start in range(0, N_NAMES, N_JOINTS)]
 
 
 def parents_by_name(names, parents) -> dict[str, str | None]:
     return {name: names[parent] if parent >= 0 else None for name, parent in zip(names, parents, strict=True)}
 
 
-def test_ten_thousand_names_come_back_from_bvh(tmp_path):
-    for motion in MOTIONS:
+def test_ten_thousand_names_come_back_from_bvh(motions, tmp_path):
+    for motion in motions:
         save_motion(tmp_path / "a.bvh", motion)
         back = parse_bvh(read_text(tmp_path / "a.bvh"))
         skeleton = motion.skeleton
         assert parents_by_name(back.names, back.parents) == parents_by_name(skeleton.names, skeleton.parents)
     motion, _ = read_bvh(tmp_path / "a.bvh")  # by the whole reader, too
-    assert set(motion.skeleton.names) == set(MOTIONS[-1].skeleton.names)
+    assert set(motion.skeleton.names) == set(motions[-1].skeleton.names)
 
 
-def test_ten_thousand_names_come_back_from_glb(tmp_path):
-    for motion in MOTIONS:
+def test_ten_thousand_names_come_back_from_glb(motions, tmp_path):
+    for motion in motions:
         GlbWriter().write(motion, tmp_path / "a.glb")
         rig = read_rig(read_gltf(tmp_path / "a.glb")).rig
         written, skeleton = text_names(motion.skeleton.names), motion.skeleton
@@ -93,12 +94,12 @@ def test_ten_thousand_names_come_back_from_glb(tmp_path):
         assert all(kept) and len(kept) > 100
 
 
-def test_ten_thousand_names_come_back_from_usd(tmp_path):
+def test_ten_thousand_names_come_back_from_usd(motions, tmp_path):
     pxr = pytest.importorskip("pxr")
     from pxr import Usd, UsdSkel, UsdValidation
 
     assert pxr
-    for place, motion in enumerate(MOTIONS):
+    for place, motion in enumerate(motions):
         path = tmp_path / f"{place}.usdc"
         save_motion(path, motion)
         stage = Usd.Stage.Open(str(path))
@@ -114,8 +115,8 @@ def test_ten_thousand_names_come_back_from_usd(tmp_path):
     ] == []
 
 
-def test_another_reader_of_bvh_reads_every_joint(tmp_path):
-    motion = MOTIONS[0]
+def test_another_reader_of_bvh_reads_every_joint(motions, tmp_path):
+    motion = motions[0]
     save_motion(tmp_path / "a.bvh", motion)
     joints = [joint for joint, _, _ in bvhio.readAsBvh(str(tmp_path / "a.bvh")).Root.layout()]
     assert len(joints) == motion.skeleton.n_joints

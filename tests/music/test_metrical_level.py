@@ -18,6 +18,7 @@ from choreograph.music.metrical_level import (
 )
 from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
+from content.songs.metre_styles import SIX_BALLAD
 
 
 def counted(bpm: float, metre: int = 4) -> Counts:
@@ -194,6 +195,18 @@ def test_bars_tracked_on_every_second_eighth_are_counted_on_every_one(name):
     assert counts.metre == song.beats_per_bar
     assert np.abs(counts.downbeat_times_s[:, None] - song.bar_times_s).min(axis=1).max() < 0.01
     assert np.abs(song.bar_times_s[1:-1, None] - counts.downbeat_times_s).min(axis=1).max() < 0.01
+
+
+@pytest.mark.slow
+def test_beats_between_which_count_1_lies_are_eighths():
+    song = render_song(SIX_BALLAD, bpm=180.0, duration_s=30.0, seed=FIRST_SEED + 93)
+    samples = soxr.resample(song.samples.mean(axis=1), 44100, SAMPLE_RATE_HZ)
+    mel = log_mel(samples)
+    tracked = track_bars(samples, mel, song.beat_times_s[1:-1:2])
+    assert tracked.metre == 3 and np.abs(tracked.times_s[:, None] - song.bar_times_s).min() > 0.3
+    counts = with_eighths(samples, mel, tracked)
+    assert counts.metre == 6
+    assert np.abs(counts.downbeat_times_s[:, None] - song.bar_times_s).min(axis=1).max() < 0.01
 
 
 @pytest.mark.slow

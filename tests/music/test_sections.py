@@ -63,34 +63,49 @@ def test_sections_begin_on_downbeats_and_last():
     assert np.mean(np.abs(inner_s[:, None] - true_s).min(axis=1) <= bar_s + 1e-6) > 0.5
 
 
-def test_a_splice_is_a_border():
-    songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
-    mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
+@pytest.fixture(scope="module")
+def spliced():
+    """House and waltz with a splice at 18 s."""
+    return [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
+
+
+@pytest.fixture(scope="module")
+def spliced_mono(spliced):
+    return np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in spliced])
+
+
+@pytest.fixture(scope="module")
+def spliced_features(spliced_mono):
+    """Features at beats a quarter of a second apart, and these beats."""
+    beats_s = np.arange(0.2, 35.8, 0.25)
+    return spectral_features(spliced_mono, beats_s), beats_s
+
+
+def test_a_splice_is_a_border(spliced, spliced_mono):
     beats_s = np.concatenate(
-        [song.beat_times_s[song.beat_times_s < 18] + 18 * i for i, song in enumerate(songs)]
+        [song.beat_times_s[song.beat_times_s < 18] + 18 * i for i, song in enumerate(spliced)]
     )
     bars_s = np.concatenate(
-        [song.bar_times_s[song.bar_times_s < 18] + 18 * i for i, song in enumerate(songs)]
+        [song.bar_times_s[song.bar_times_s < 18] + 18 * i for i, song in enumerate(spliced)]
     )
-    sections = song_sections(spectral_features(mono, beats_s), beats_s, downbeat_times_s=bars_s)
+    sections = song_sections(spectral_features(spliced_mono, beats_s), beats_s, downbeat_times_s=bars_s)
     border = int(np.abs(sections.bounds_s - 18).argmin())
     assert abs(sections.bounds_s[border] - 18) < 2
     assert not set(sections.labels[:border]) & set(sections.labels[border:])
 
 
-def plain_and_with_change(late_s: float, *more_s: float) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
+def plain_and_with_change(
+    features, beats_s, late_s: float, *more_s: float
+) -> tuple[np.ndarray, int, np.ndarray, np.ndarray]:
     """Bounds, which of them is at a splice, bounds with changes so far from it, and those changes."""
-    songs = [render_song(genre, duration_s=24.0, seed=6100) for genre in ("house", "waltz")]
-    mono = np.concatenate([song.samples.mean(axis=1)[: 36 * SAMPLE_RATE_HZ : 2] for song in songs])
-    beats_s = np.arange(0.2, 35.8, 0.25)
-    plain_s = song_sections(spectral_features(mono, beats_s), beats_s).bounds_s
+    plain_s = song_sections(features, beats_s).bounds_s
     border = int(np.abs(plain_s[1:-1] - 18).argmin()) + 1
     away_s = np.abs(beats_s[:, None] - plain_s[border] - np.array([late_s, *more_s]))
     changes_s = beats_s[away_s.argmin(axis=0)]
     return (
         plain_s,
         border,
-        song_sections(spectral_features(mono, beats_s), beats_s, change_times_s=changes_s).bounds_s,
+        song_sections(features, beats_s, change_times_s=changes_s).bounds_s,
         changes_s,
     )
 
@@ -99,12 +114,12 @@ def plain_and_with_change(late_s: float, *more_s: float) -> tuple[np.ndarray, in
     ("late_s", "at_change", "stays"),
     [(2.0, True, False), (3.5, True, False), (1.0, False, True), (5.0, True, True)],
 )
-def test_there_is_a_border_where_other_music_is_known_to_begin(late_s, at_change, stays):
-    plain_s, border, found_s, changes_s = plain_and_with_change(late_s)
+def test_there_is_a_border_where_other_music_is_known_to_begin(spliced_features, late_s, at_change, stays):
+    plain_s, border, found_s, changes_s = plain_and_with_change(*spliced_features, late_s)
     assert (np.abs(found_s - changes_s[0]).min() < 0.01) == at_change
     assert (np.abs(found_s - plain_s[border]).min() < 0.01) == stays
 
 
-def test_a_border_at_one_change_is_not_moved_to_the_next():
-    plain_s, _, found_s, _ = plain_and_with_change(0.0, 2.0)
+def test_a_border_at_one_change_is_not_moved_to_the_next(spliced_features):
+    plain_s, _, found_s, _ = plain_and_with_change(*spliced_features, 0.0, 2.0)
     np.testing.assert_allclose(found_s, plain_s)

@@ -17,19 +17,21 @@ from choreograph.plan import PlannedWord
 
 pytestmark = pytest.mark.slow
 
-SONG = cg.example_songs()["house"] if hasattr(cg.example_songs(), "keys") else cg.example_songs()[0]
+SONG = cg.example_songs()["house"]
 SPAN_S = 20.0
+FEW = {"candidates": 16}  # of the graph: nothing here is about the best path
 KEEP = [cg.Keep(0.0, 6.0), cg.Keep(13.0, SPAN_S)]
 
 
 @pytest.fixture(scope="module")
 def old():
-    return cg.dance(SONG, duration_s=SPAN_S)
+    return cg.dance(SONG, duration_s=SPAN_S, **FEW)
 
 
 @pytest.fixture(scope="module", params=["graph", "mixer", "rollout"])
 def new(request, old):
-    return cg.dance(SONG, duration_s=SPAN_S, engine=request.param, existing=old, keep=KEEP, seed=1)
+    few = FEW if request.param == "graph" else {}
+    return cg.dance(SONG, duration_s=SPAN_S, engine=request.param, existing=old, keep=KEEP, seed=1, **few)
 
 
 def frames(dance, keep):
@@ -88,13 +90,13 @@ def test_the_plan_is_rendered_again_and_edited(old, new):
 
 
 def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
-    kept = cg.dance(SONG, existing=old, keep=[cg.Keep(0.4, 5.0), cg.Keep(12.0, 19.3)], candidates=16)
+    kept = cg.dance(SONG, existing=old, keep=[cg.Keep(0.4, 5.0), cg.Keep(12.0, 19.3)], **FEW)
     assert [note for note in kept.notes if "are kept" in note] == [
         "the first 0.40 s and the last 0.70 s of the existing dance are kept: too short to be planned again"
     ]
     assert np.array_equal(kept.motion.root_pos_m[-1], old.motion.root_pos_m[-1])
     keep = cg.Keep(1.2, 18.8)
-    for engine in ({"engine": "mixer"}, {"candidates": 16}):
+    for engine in ({"engine": "mixer"}, FEW):
         danced = cg.dance(SONG, existing=old, keep=[keep], seed=3, **engine)
         part = frames(danced, keep)
         assert np.array_equal(danced.motion.local_quat[part], old.motion.local_quat[part])
@@ -105,7 +107,7 @@ def test_what_is_left_at_an_end_is_danced_or_kept_too(old):
 
 def test_a_take_is_pinned_in_the_whole_gap(old):
     take = cg.starter_repertoire().takes[0].name
-    for engine in ({"engine": "mixer"}, {"candidates": 16}):
+    for engine in ({"engine": "mixer"}, FEW):
         made = cg.dance(
             SONG, existing=old, keep=[cg.Keep(0.0, 10.0), cg.Keep(14.0, SPAN_S)],
             pins=[cg.TakePin(10.0, 14.0, take)], **engine,
@@ -125,7 +127,7 @@ def test_the_part_of_an_existing_plan_is_danced_by_default(tmp_path, monkeypatch
     plan = cg.Plan.read("new.json")
     assert (plan.start_s, plan.duration_s) == (10.0, 12.0)
     loaded = cg.load_song(SONG, start_s=10.0, duration_s=12.0)
-    made = cg.dance(loaded, existing="old.json", keep=[cg.Keep(0, 5), cg.Keep(9, 12)], candidates=16)
+    made = cg.dance(loaded, existing="old.json", keep=[cg.Keep(0, 5), cg.Keep(9, 12)], **FEW)
     assert made.plan == plan
     with pytest.raises(ParameterError, match="expected a song from 10 s of its file on"):
         cg.dance(cg.load_song(SONG, start_s=11.0), existing="old.json", keep=[cg.Keep(0, 5)])
