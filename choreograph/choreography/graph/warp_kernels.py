@@ -59,13 +59,13 @@ def dtw_batch(queries: F32, targets: F32) -> tuple[F32, F32]:  # pragma: no cove
 @njit(error_model="numpy", inline="always")
 def _backtrack(
     query: F32, target: F32, table: F32, source_frames: F32
-) -> np.float32:  # pragma: no cover - compiled
+) -> float:  # pragma: no cover - compiled
     """Write the cheapest path to `source_frames`, from the cost table (1 + Tq, 2 + Tt). Returns its cost."""
     i, j = len(query) - 1, len(target) - 1
     for end in range(len(target) - 2, -1, -1):
         if table[i + 1, end + 2] <= table[i + 1, j + 2]:
             j = end
-    cost = table[i + 1, j + 2]
+    cost: float = table[i + 1, j + 2]
     source_frames[i] = j
     while i > 0:
         d = query[i] - target[j]
@@ -267,7 +267,7 @@ def _normal_equations(
 
 
 def segment_beats(
-    maps: F64, speeds: F32, music: F64, near: float, far: float, prominence: float
+    maps: F64, speeds: F32, music: NDArray[np.floating], near: float, far: float, prominence: float
 ) -> tuple[F32, F32, F32]:
     """Beats of each quarter of each warped segment, for time maps (K, Tq + 1).
 
@@ -280,8 +280,10 @@ def segment_beats(
     unmatched, n_beats = np.zeros((2, len(maps), 4), np.float32)
     first, last = np.full((2, len(maps), 4), np.nan, np.float32)
     scratch = np.empty(maps.shape[1]), np.empty(maps.shape[1])
-    _measure_beats(maps, speeds, music, near, far, prominence, *scratch, unmatched, n_beats, first, last)
-    return unmatched / np.maximum(n_beats, 1), first, last
+    beats = np.asarray(music, np.float64)
+    _measure_beats(maps, speeds, beats, near, far, prominence, *scratch, unmatched, n_beats, first, last)
+    unmatched /= np.maximum(n_beats, 1)
+    return unmatched, first, last
 
 
 @njit(
