@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 import shutil
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 # Tests run in several processes: one thread each, or they fight for the cores. All share the kernels that one
@@ -35,12 +37,27 @@ def pytest_collection() -> Iterator[None]:
 
     What the tests have imported stays until the end: later passes leave it out.
     """
+    _open_built_in_repertoire_once()
     gc.disable()
     try:
         return (yield)
     finally:
         gc.enable()
         gc.freeze()
+
+
+def _open_built_in_repertoire_once() -> None:
+    """Let all tests of a process read one built-in repertoire, with all that it has computed of its clips."""
+    from choreograph.library import builtin
+
+    open_anew = builtin.starter_repertoire
+    opened = functools.cache(lambda path: open_anew())
+
+    @functools.wraps(open_anew)
+    def starter_repertoire():
+        return opened(builtin.STARTER_PATH)
+
+    builtin.starter_repertoire = starter_repertoire
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -86,7 +103,27 @@ def made(repertoire, song):
 
 
 @pytest.fixture(scope="session")
-def rolling(tmp_path_factory):
+def made_once(tmp_path_factory) -> Callable[[str, Callable[[Path], object]], Path]:
+    """Fill a folder by its name, in one of the processes that run the tests, for all of them to read."""
+    own = tmp_path_factory.getbasetemp()
+    shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "shared"
+    shared.mkdir(exist_ok=True)
+
+    def made_once(name: str, fill: Callable[[Path], object]) -> Path:
+        folder, unfinished = shared / name, shared / f"{name} unfinished"
+        with FileLock(shared / f"{name}.lock"):
+            if not folder.exists():
+                shutil.rmtree(unfinished, ignore_errors=True)
+                unfinished.mkdir()
+                fill(unfinished)
+                unfinished.rename(folder)
+        return folder
+
+    return made_once
+
+
+@pytest.fixture(scope="session")
+def rolling(made_once):
     """A repertoire of one dance to clicks, with a rollout network that has hardly learned."""
     from synthetic_motions import stepping
     from synthetic_repertoire import write_clicks
@@ -94,12 +131,14 @@ def rolling(tmp_path_factory):
     from choreograph.formats.register import save_motion
     from choreograph.library.building.build import build_repertoire
     from choreograph.library.building.options import BuildOptions
+    from choreograph.library.repertoire import Repertoire
 
-    folder = tmp_path_factory.mktemp("rolling")
-    save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
-    write_clicks(folder / "steps.wav", duration_s=30.0)
-    built, _ = build_repertoire([folder], folder / "rep.h5", BuildOptions(preset="tiny", rollout=True))
-    return built
+    def build(folder: Path) -> None:
+        save_motion(folder / "steps.bvh", stepping(30 * 30, period_s=0.5, seed=1))
+        write_clicks(folder / "steps.wav", duration_s=30.0)
+        build_repertoire([folder], folder / "rep.h5", BuildOptions(preset="tiny", rollout=True))
+
+    return Repertoire.open(made_once("rolling", build) / "rep.h5")
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,20 @@ from synthetic_rollouts import BEAT_S, synthetic_motion, synthetic_takes, synthe
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.configs import rollout_config
+from choreograph.nets.rollout import RolloutNet
 from choreograph.nets.rollout_data import ROLLOUT_FPS
 from choreograph.nets.rollout_training import train_rollout
+from choreograph.nets.words import WordNet
 
 
 @pytest.fixture(scope="package")
-def trained():
+def trained(made_once):
     """A network trained on three kinds of beats, its word network, and the embedding of each kind."""
+    path = made_once("three kinds of beats", lambda folder: torch.save(_trained(), folder / "trained.pt"))
+    return torch.load(path / "trained.pt", weights_only=False)
+
+
+def _trained() -> tuple[RolloutNet, WordNet, np.ndarray]:
     takes = synthetic_takes()
     words = synthetic_words(takes)
     config = rollout_config(
