@@ -17,7 +17,7 @@ _ENGINES = ("graph", "mixer", "rollout")
 _DANCE = """
 import sys
 import choreograph as cg
-song = cg.load_song(cg.example_songs()["house"], duration_s=14.0)
+song = cg.load_song(cg.example_songs()["house"], duration_s=8.0)
 for engine in sys.argv[2:]:
     made = cg.dance(song, engine=engine, cache=False)
     for kind in ("json", "npz", "bvh"):
