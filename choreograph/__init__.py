@@ -1,6 +1,7 @@
 """choreograph: makes dances for music from your own motion library, and explains every second of them.
 
 - `dance` makes a `Dance` for a song: motion, plan and notes. `vary` makes several that differ
+- `Session` holds a song and a repertoire in memory, from which dances are made again with other settings
 - `build` makes a repertoire file from takes and their songs
 - `Repertoire` is an opened repertoire file. `starter_repertoire` and `example_songs` are built in
 - `load_song` decodes a `Song` once for several dances

@@ -35,9 +35,10 @@ from .pipeline.dancing import Dance as Dance
 from .pipeline.dancing import dance as dance
 from .pipeline.rollout_stream import RolloutFrame as RolloutFrame
 from .pipeline.rollout_stream import RolloutStream as RolloutStream
-from .pipeline.variations import motifs_of as motifs_of
-from .pipeline.variations import signature_of as signature_of
-from .pipeline.variations import vary as vary
+from .pipeline.session import Session as Session
+from .pipeline.session import motifs_of as motifs_of
+from .pipeline.session import signature_of as signature_of
+from .pipeline.session import vary as vary
 from .plan import Plan as Plan
 from .render.rendering import render as render
 from .settings import DanceConfig as DanceConfig
@@ -66,6 +67,7 @@ __all__ = [
     "RepertoireError",
     "RolloutFrame",
     "RolloutStream",
+    "Session",
     "Skeleton",
     "Song",
     "SongFeatures",

@@ -193,6 +193,11 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "RolloutStream.feed": sound(stream.feed, samples=np.zeros(100)),
         "RolloutStream.genre": sound(lambda genre: setattr(stream, "genre", genre), genre="a"),
         "RolloutStream.request": sound(stream.request, motif=0),
+        "Session": Sound(
+            cg.Session, {"song": t.song, "repertoire": t.repertoire, "start_s": 0.0, "duration_s": 1.0},
+            too_long=(("repertoire", "None"),),
+        ),
+        "Session.dance": sound(cg.Session(t.song, t.repertoire).dance, engine="mixer", seed=1, genre=None),
         "Skeleton": sound(cg.Skeleton, **values_of(skeleton)),
         "Skeleton.index": sound(skeleton.index, name="head"),
         "Skeleton.order_of": sound(skeleton.order_of, other=skeleton),

@@ -19,6 +19,7 @@ from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core import installed
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import NO_MEMORY, Memory
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -52,6 +53,7 @@ class DanceRequest:
     style_song: Song | None = None  # whose style the motion has, if it is another song
     kept: KeptDance | None = None  # its kept parts replace what is planned there
     report: ProgressReport | None = None  # of the progress
+    memory: Memory = NO_MEMORY  # of values for this repertoire
 
     @property
     def danced_span_s(self) -> tuple[float, float]:

@@ -65,15 +65,19 @@ def kept_analysis(
 
 def _key(song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None) -> str:
     """A digest of everything that an analysis depends on."""
-    tracker = str(beats) if names_a_tracker(beats) else sha256_of(beats)
     file = repertoire.path.stat()
     made_of = [
         *(_program(), _repertoire_digest(repertoire.path, file.st_size, file.st_mtime_ns)),
-        *(song.name, song.notes, song.start_s, tracker, genre),
+        *(song.name, song.notes, song.start_s, tracker_digest(beats), genre),
     ]
     digest = hashlib.sha256(json.dumps(made_of).encode())
     digest.update(np.ascontiguousarray(song.samples).data)
     return digest.hexdigest()[: 2 * _DIGEST_BYTES]
+
+
+def tracker_digest(beats: str | Path) -> str:
+    """The name of a tracker, or a digest of the content of a file with beats."""
+    return str(beats) if names_a_tracker(beats) else sha256_of(beats)
 
 
 @lru_cache(maxsize=1)

@@ -18,9 +18,9 @@ from choreograph.choreography.genres import (
     rhythm_losses,
     style_losses,
 )
-from choreograph.choreography.kept_analysis import kept_analysis
+from choreograph.choreography.kept_analysis import Analysis, kept_analysis, tracker_digest
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import Floats, one_thread
+from choreograph.core.numerics import NO_MEMORY, Floats, Memory, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, check_beats, names_a_tracker, song_counts
@@ -57,6 +57,7 @@ def analyse_song(
     genre: str | None = None,
     keep: bool = False,
     report: StepReport | None = None,
+    memory: Memory = NO_MEMORY,
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     """Features of every second of a song, and notes on what is unusual about it.
 
@@ -67,14 +68,17 @@ def analyse_song(
     that cannot be read.
 
     With `keep`, the analysis is read from the cache of the user, or else it is made and written there.
+    `memory` is of this repertoire.
     """
     check_beats(beats)
-    if keep:
-        analysis = kept_analysis(
-            song, repertoire, beats, genre, lambda: _analysis(song, repertoire, beats, genre, report)
-        )
-    else:
-        analysis = _analysis(song, repertoire, beats, genre, report)
+
+    def analyse() -> Analysis:
+        return _analysis(song, repertoire, beats, genre, report)
+
+    analysis = memory.value(
+        lambda: kept_analysis(song, repertoire, beats, genre, analyse) if keep else analyse(),
+        "analysis", song.samples, song.name, song.notes, song.start_s, tracker_digest(beats), genre,
+    )  # fmt: skip
     if report is not None:
         report(_STEPS, _STEPS)
     return analysis

@@ -262,7 +262,7 @@ def _published(engine: str, repertoire: Repertoire) -> DanceConfig:
 def _motifs(text: str, repertoire: Repertoire) -> Any:
     """The motifs in a .json file, else those of a take or motion file."""
     from choreograph.choreography.constraints import read_motifs
-    from choreograph.pipeline.variations import motifs_of
+    from choreograph.pipeline.session import motifs_of
 
     return read_motifs(text) if text.lower().endswith(".json") else motifs_of(text, repertoire)
 

@@ -82,7 +82,7 @@ def command(
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None and output is not None:
         from choreograph.choreography.constraints import write_signature
-        from choreograph.pipeline.variations import signature_of
+        from choreograph.pipeline.session import signature_of
 
         shares = signature_of(signature, repertoire)
         write_signature(output, shares, name=signature, repertoire=repertoire.path.name)

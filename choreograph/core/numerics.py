@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
 from collections import OrderedDict
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import fields, is_dataclass
 from threading import Lock
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,6 +140,11 @@ class RecentItems(Generic[_Item]):
     def __reduce__(self) -> tuple[type[RecentItems[_Item]], tuple[int]]:
         return type(self), (self._most_bytes,)
 
+    @property
+    def n_bytes(self) -> int:
+        """The size of all items."""
+        return self._n_bytes
+
     def get(self, key: Hashable) -> _Item | None:
         """The item with this key, or None if it is not kept."""
         with self._lock:
@@ -155,6 +162,96 @@ class RecentItems(Generic[_Item]):
             self._n_bytes += n_bytes
             while self._n_bytes > self._most_bytes:
                 self._n_bytes -= self._items.popitem(last=False)[1][1]
+
+
+class Memory:
+    """Keeps values by the inputs that they were computed from, up to a number of bytes.
+
+    A value is computed again only if an input has another content. It must depend on nothing else, and must
+    not be changed. With 0 bytes, nothing is kept. Threads may share a memory.
+    """
+
+    def __init__(self, most_bytes: int = 0) -> None:
+        self._kept: RecentItems[tuple[Any]] | None = RecentItems(most_bytes) if most_bytes else None
+        self._inputs = b""
+
+    @property
+    def is_on(self) -> bool:
+        """Whether values are kept."""
+        return self._kept is not None
+
+    @property
+    def n_bytes(self) -> int:
+        """The size of the arrays that are kept."""
+        return 0 if self._kept is None else self._kept.n_bytes
+
+    def of(self, *inputs: object) -> Memory:
+        """The same memory, for values that all depend on these inputs. See `digest`."""
+        if self._kept is None:
+            return self
+        part = Memory()
+        part._kept, part._inputs = self._kept, digest(self._inputs, *inputs)
+        return part
+
+    def value(self, compute: Callable[[], _Item], *inputs: object) -> _Item:
+        """The value that `compute` returns, or the one that it returned for the same inputs."""
+        if self._kept is None:
+            return compute()
+        key = digest(self._inputs, *inputs)
+        kept = self._kept.get(key)
+        if kept is None:
+            kept = (compute(),)
+            self._kept.keep(key, kept, _n_bytes(kept))
+        value: _Item = kept[0]
+        return value
+
+
+NO_MEMORY = Memory()
+
+
+def digest(*values: object) -> bytes:
+    """A digest of the content of values: numbers, text, arrays, dataclasses, and collections of these.
+
+    Raises `TypeError` for anything else.
+    """
+    hashed = hashlib.blake2b(digest_size=16)
+    for value in values:
+        _add_content(value, hashed.update)
+    return hashed.digest()
+
+
+def _add_content(value: object, add: Callable[[Any], None]) -> None:
+    if isinstance(value, np.ndarray) and value.dtype.kind != "O":
+        add(f"{value.dtype.str}{value.shape}".encode())
+        add(np.ascontiguousarray(value).data.cast("B") if value.size else b"")
+    elif isinstance(value, bytes):
+        add(f"b{len(value)}:".encode() + value)
+    elif value is None or isinstance(value, str | int | float | np.generic):
+        text = f"{type(value).__name__}{value!r}"
+        add(f"{len(text)}:{text}".encode())
+    elif isinstance(value, Mapping):
+        _add_content(list(value.items()), add)
+    elif isinstance(value, tuple | list):
+        add(f"[{len(value)}".encode())
+        for item in value:
+            _add_content(item, add)
+    elif is_dataclass(value) and not isinstance(value, type):
+        _add_content([type(value).__qualname__, *(getattr(value, f.name) for f in fields(value))], add)
+    else:
+        raise TypeError(f"expected a value with a content, got {type(value).__name__}")
+
+
+def _n_bytes(value: object) -> int:
+    """The size of the arrays in a value, with some bytes for every object."""
+    if isinstance(value, np.ndarray):
+        return value.nbytes + 128
+    if isinstance(value, tuple | list):
+        return 64 + sum(map(_n_bytes, value))
+    if isinstance(value, Mapping):
+        return 64 + sum(map(_n_bytes, value.values()))
+    if is_dataclass(value) and not isinstance(value, type):
+        return 64 + sum(_n_bytes(getattr(value, f.name)) for f in fields(value))
+    return 64
 
 
 # Distances. `squared_distances` is 2 to 15 times faster than `scipy.spatial.distance.cdist` for many vectors.

@@ -191,6 +191,7 @@ _LENGTH_STEP = 1.15  # factor between length bins
 _LENGTHS = 64  # length bins from 0.05 s on: more than any word needs
 _MIN_LENGTH_S = 0.05
 _STARTS = 2**21  # start bins: more than a day
+_AT_ONCE = 128  # words, always as many: the rounding of a product of matrices depends on their number
 
 
 class SpanMotifLookup:
@@ -215,8 +216,7 @@ class SpanMotifLookup:
         self._fps = fps
         self._embed = embed
         self._motifs = motifs
-        self._keys = np.zeros(0, np.int64)  # sorted
-        self._cached = np.zeros(0, np.int16)
+        self._known = np.zeros(0, np.int64), np.zeros(0, np.int16)  # sorted keys, and their motifs
 
     def motifs_of(self, take: Indices, start_s: AnyFloats, stop_s: AnyFloats) -> NDArray[np.int16]:
         """Motifs (...) of spans, all arrays (...). Beyond its ends a take holds its first or last pose."""
@@ -228,13 +228,14 @@ class SpanMotifLookup:
         key = np.round(middle / _START_STEP_S).astype(np.int64) * _LENGTHS + np.minimum(length, _LENGTHS - 1)
         key += np.asarray(take, np.int64) * (_STARTS * _LENGTHS)
         unique, inverse = np.unique(key, return_inverse=True)
-        new = np.setdiff1d(unique, self._keys, assume_unique=True)
+        keys, motifs = self._known  # of one moment, since threads may share a lookup
+        new = np.setdiff1d(unique, keys, assume_unique=True)
         if len(new):
-            keys = np.concatenate([self._keys, new])
-            cached = np.concatenate([self._cached, self._motifs_of_keys(new)])
+            keys = np.concatenate([keys, new])
+            motifs = np.concatenate([motifs, self._motifs_of_keys(new)])
             order = np.argsort(keys)
-            self._keys, self._cached = keys[order], cached[order]
-        return self._cached[np.searchsorted(self._keys, unique)][inverse].reshape(key.shape)
+            keys, motifs = self._known = keys[order], motifs[order]
+        return motifs[np.searchsorted(keys, unique)][inverse].reshape(key.shape)
 
     def _motifs_of_keys(self, keys: Indices) -> NDArray[np.int16]:
         takes, bins = np.divmod(keys, _STARTS * _LENGTHS)
@@ -245,7 +246,11 @@ class SpanMotifLookup:
             self._words(int(take), middle_s[takes == take], length_s[takes == take])
             for take in np.unique(takes)
         ]
-        return self._motifs.nearest(self._embed(np.concatenate(words))).astype(np.int16)
+        n_filled = -len(keys) % _AT_ONCE
+        words.append(np.zeros((n_filled, *words[0].shape[1:]), words[0].dtype))
+        batches = np.concatenate(words).reshape(-1, _AT_ONCE, *words[0].shape[1:])
+        motifs = [self._motifs.nearest(self._embed(batch)) for batch in batches]
+        return np.concatenate(motifs)[: len(keys)].astype(np.int16)
 
     def _words(self, take: int, middle_s: AnyFloats, length_s: AnyFloats) -> AnyFloats:
         """Words (N, 13, 21, 3) around the given middles, in their root frames."""

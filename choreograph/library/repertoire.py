@@ -21,7 +21,7 @@ from choreograph.core.progress import counted, cut_line
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.checks import check_clips
 from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
-from choreograph.library.motifs import Vocabulary, vocabulary_from
+from choreograph.library.motifs import SpanMotifLookup, Vocabulary, vocabulary_from
 from choreograph.library.notes import Note, notes_from
 from choreograph.library.schema import NetArrays, rollout_names
 from choreograph.library.store import RepertoireFile
@@ -162,6 +162,11 @@ class Repertoire:
         net = self.net("words")
         with self._damage_named():
             return WordEmbedder.from_arrays(net.weights, net.config)
+
+    @cached_property
+    def span_motifs(self) -> SpanMotifLookup:
+        """The motifs of spans of takes. Raises `RepertoireError` without motifs."""
+        return SpanMotifLookup(self.body_pos_m, NET_FPS, self.word_net().embed, self.vocabulary.motifs)
 
     @cached_property
     def _rollout_nets(self) -> dict[str, NetArrays]:

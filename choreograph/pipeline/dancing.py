@@ -26,7 +26,7 @@ from choreograph.core.arguments import as_list, as_texts, check_function, check_
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.kernel_cache import compiled_ahead
-from choreograph.core.numerics import default_numerics, one_thread
+from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
@@ -173,7 +173,6 @@ class DanceArguments(DanceSettings, total=False):
     report: ProgressReport | None
 
 
-@default_numerics()
 def dance(
     song: str | Path | Song,
     repertoire: str | Path | Repertoire | None = None,
@@ -236,6 +235,34 @@ def dance(
     <Dance to 'house': 8.0 s at 60 fps, graph engine, ...>
     >>> dance.save("house.bvh")
     """
+    return dance_with(
+        NO_MEMORY, song, repertoire, genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans,
+        keep=keep, existing=existing, costs=costs, start_s=start_s, duration_s=duration_s, config=config,
+        report=report, **settings,
+    )  # fmt: skip
+
+
+@default_numerics()
+def dance_with(
+    memory: Memory,
+    song: str | Path | Song,
+    repertoire: str | Path | Repertoire | None = None,
+    *,
+    genre: str | None = None,
+    signature: Sequence[float] | NDArray[np.floating[Any]] | None = None,
+    motifs: Sequence[int] | Sequence[MotifPin] = (),
+    pins: Sequence[Pin] = (),
+    bans: Sequence[Ban] = (),
+    keep: Sequence[Keep] = (),
+    existing: str | Path | Dance | None = None,
+    costs: Sequence[Cost] = (),
+    start_s: float | None = None,
+    duration_s: float | None = None,
+    config: DanceConfig = DEFAULTS,
+    report: ProgressReport | None = None,
+    **settings: Unpack[DanceSettings],
+) -> Dance:
+    """As `dance`, with a memory of values for this repertoire."""
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
     costs = as_list("costs", costs, "Cost", Cost)
     config = _configured(as_config(config), settings, requested, costs)
@@ -246,11 +273,13 @@ def dance(
     known = _as_existing(existing, keep, repertoire)
     if known is not None and "fps" not in settings:
         config = replace(config, fps=known.motion.fps)
-    engines()[config.engine].check(repertoire, config, requested, costs)
+    engine = engines()[config.engine]
+    engine.check(repertoire, config, requested, costs)
     loaded = _part_of(song, start_s, duration_s, known.plan if known else None)
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
-    return _danced(loaded, repertoire, config, requested, costs, style, kept, report)
+    with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
+        return _danced(engine, loaded, repertoire, config, requested, costs, style, kept, report, memory)
 
 
 def _configured(
@@ -287,22 +316,6 @@ def _check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
 
 @one_thread()
 def _danced(
-    song: Song,
-    repertoire: Repertoire,
-    config: DanceConfig,
-    requested: Constraints,
-    costs: tuple[Cost, ...],
-    style: Song | None,
-    kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
-    report: ProgressReport | None,
-) -> Dance:
-    """The stages in order, with checked arguments."""
-    engine = engines()[config.engine]
-    with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
-        return _staged(engine, song, repertoire, config, requested, costs, style, kept_of, report)
-
-
-def _staged(
     engine: Engine,
     song: Song,
     repertoire: Repertoire,
@@ -312,13 +325,14 @@ def _staged(
     style: Song | None,
     kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
     report: ProgressReport | None,
+    memory: Memory,
 ) -> Dance:
-    """`_danced`, while kernels are compiled."""
+    """The stages in order, with checked arguments."""
     if report is not None:
         report("analysing the song", 0, 0)
     song_features, notes = analyse_song(
         song, repertoire, beats=config.beats, genre=requested.genre, keep=config.cache,
-        report=substage(report, "analysing the song"),
+        report=substage(report, "analysing the song"), memory=memory,
     )  # fmt: skip
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
@@ -326,7 +340,7 @@ def _staged(
     if kept is not None and kept.plan is not None and "costs" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(
-        song, song_features, repertoire, config, resolved, material, costs, style, kept, report
+        song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory
     )
     if kept is None:
         result = engine.plan(request)

@@ -37,7 +37,6 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import substage
 from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
-from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.danced_span import REACH_S, join_times_s
@@ -275,19 +274,16 @@ def make_layers(
     joins_s = _joins_s(request)
     segments = warp_segments(
         candidate_clips(request, goals, costs, allowed, returns), features.density, features.beat_times_s,
-        _clip_density(request), repertoire.clip_motion.speed, _clip_beats(repertoire),
+        _clip_density(request), repertoire.clip_motion.speed,
+        request.memory.value(lambda: _clip_beats(repertoire), "clip beats"),
         counted=_counted_clips(request, joins_s, returns), as_recorded=config.warping == "none",
         smoothed=config.time_maps == "smooth",
-        report=substage(request.report, "warping"),
+        report=substage(request.report, "warping"), memory=request.memory.of("segments", config.density),
     )  # fmt: skip
     motifs, n_motifs = None, 0
     if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
-        vocabulary = repertoire.vocabulary
-        lookup = SpanMotifLookup(
-            repertoire.body_pos_m, NET_FPS, repertoire.word_net().embed, vocabulary.motifs
-        )
-        motifs = node_motifs(segments, clips, song_words_s(features), lookup.motifs_of)
-        n_motifs = vocabulary.n_motifs
+        motifs = node_motifs(segments, clips, song_words_s(features), repertoire.span_motifs.motifs_of)
+        n_motifs = repertoire.vocabulary.n_motifs
     tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
     return LayerSource(
         segments, clips, repertoire.clip_motion, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
@@ -295,6 +291,7 @@ def make_layers(
         moments=returns.moments(n_seconds) if returns else None,
         returns=returns.returning(n_seconds) if returns else None,
         steer_rad=MAX_STEER_RAD if config.front == "audience" else 0.0,
+        memory=request.memory.of("layers"),
     )  # fmt: skip
 
 
@@ -319,17 +316,21 @@ def _counted_clips(
     if request.config.warping != "counts":
         return None
     repertoire = request.repertoire
-    takes = range(len(repertoire.takes))
-    grids = TakeGrids(
-        [repertoire.counts(take) for take in takes],
-        [repertoire.figures(take) for take in takes],
-        [repertoire.motion_beats_s(take) for take in takes],
-    )
+    grids = request.memory.value(lambda: _take_grids(repertoire), "take grids")
     song = song_grid(request)
     if song is None or not grids.counted.any():
         return None
     shifts = returns.shifts(len(joins_s), song) if returns else None
     return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s, shifts)
+
+
+def _take_grids(repertoire: Repertoire) -> TakeGrids:
+    takes = range(len(repertoire.takes))
+    return TakeGrids(
+        [repertoire.counts(take) for take in takes],
+        [repertoire.figures(take) for take in takes],
+        [repertoire.motion_beats_s(take) for take in takes],
+    )
 
 
 def _clip_density(request: DanceRequest) -> Callable[[NDArray[np.integer]], NDArray[np.float32]]:

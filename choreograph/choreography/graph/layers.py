@@ -297,3 +297,14 @@ def joined_layers(parts: Sequence[Layer]) -> Layer:
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
     }
     return changed_layer(parts[0], **arrays)
+
+
+def one_per_time_map(parts: Sequence[Layer]) -> Layer:
+    """The nodes of several layers of one second, in order, with only the first node of each time map."""
+    layer = joined_layers(parts)
+    time_map_id = layer.time_map_id
+    if not (time_map_id >= 0).any():
+        return layer
+    own_id = -1 - np.arange(len(time_map_id))
+    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
+    return layer.subset(np.sort(first))

@@ -121,10 +121,10 @@ class CheapNodes:
             layer = self.layers[second]
             seen = rest.added_to(before, second, new_goal=layer.new_goal)
             layer_in_goal = changed_layer(layer, new_goal=False)
-            own = changed_layer(self._node(second, path), new_goal=False)
-            reached = reached - edge_costs(seen, own, self.of_path, self.song_features)[:, 0]
+            of_path = edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
+            reached = reached - of_path[:, path[second]]
             total = _changed(self.edge_cost[second - 1], rng) + reached[:, None]
-            total = total + edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
+            total = total + of_path
             parent = np.argmin(total, axis=0)
             reached = total[parent, np.arange(layer.n_nodes)] + _changed(self.node_cost[second], rng)
             before = with_history(layer, before, parent)

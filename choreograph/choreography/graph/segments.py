@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.layers import Layer, Moments, PoseBank, joined_layers
+from choreograph.choreography.graph.layers import Layer, Moments, PoseBank, changed_layer, one_per_time_map
 from choreograph.choreography.graph.warp_kernels import segment_beats
 from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
@@ -19,7 +20,7 @@ from choreograph.choreography.graph.warping import (
     smooth_time_maps,
     subsequence_dtw,
 )
-from choreograph.core.numerics import AnyFloats, AnyInts, frame_weights
+from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Memory, digest, frame_weights
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 
@@ -63,6 +64,7 @@ def warp_segments(
     as_recorded: bool = False,
     smoothed: bool = True,
     report: Callable[[int, int], None] | None = None,
+    memory: Memory = NO_MEMORY,
 ) -> Segments:
     """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
 
@@ -70,45 +72,74 @@ def warp_segments(
     `music_beats_s` (Q,) are times in the song. Clips of takes with counts (`counted`) are aligned by their
     counts instead (`count_time_maps`). With `as_recorded`, segments are the clips' middle 4 s at their own
     speed. See ChoreoGraph, section 3.2. Smooth time maps (`smoothed`) and alignment by counts are ours.
+    Seconds are taken from `memory` if its values are for the same clips and `clip_density`.
     """
-    n_seconds, k = clip.shape
-    time_maps = np.empty((n_seconds, k, SEGMENT_FRAMES + 1), np.float32)
-    density_mismatch = np.zeros((n_seconds, k, SEGMENT_S), np.float32)
-    of_beats = [np.empty((n_seconds, k, SEGMENT_S), np.float32) for _ in range(3)]
-    time_map_id = np.full((n_seconds, k), NO_TIME_MAP, np.int64)
-    off_bar = np.full((n_seconds, k, SEGMENT_S), _UNKNOWN_OFF_BAR, np.float32)
-    phrase_penalty = np.ones((n_seconds, k, SEGMENT_S + 1), np.float32)
+    n_seconds = len(clip)
+    grid = None if counted is None else (counted.song, counted.join_times_s)
+    memory = memory.of(grid, as_recorded, smoothed)
 
-    def warp(second: int) -> None:
-        chosen = clip[second]
-        searched = np.ones(k, bool)
-        if counted is not None:
-            laid = count_time_maps(second, chosen, counted)
-            searched[laid.candidates] = False
-            time_maps[second, laid.candidates] = laid.time_maps
-            time_map_id[second, laid.candidates] = laid.time_map_id
-            off_bar[second, laid.candidates] = laid.off_bar
-            phrase_penalty[second, laid.candidates] = laid.phrase_penalty
-        here = music_beats_s[slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))]
-        music_frames = (here - second) * NET_FPS
-        if searched.any():
-            others = chosen[searched]
-            time_maps[second, searched], density_mismatch[second, searched] = _warp_by_density(
-                music_density[second], clip_density(others), music_frames, beats.frames, beats.ranges[others],
-                as_recorded=as_recorded, smoothed=smoothed,
-            )  # fmt: skip
-        measures = segment_beats(
-            time_maps[second].astype(np.float64), clip_speed(chosen), music_frames, NEAR_FRAMES, FAR_FRAMES,
-            MIN_PROMINENCE,
+    def warp(second: int) -> Segments:
+        near = slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))
+        music_frames = (music_beats_s[near] - second) * NET_FPS
+        return memory.value(
+            lambda: _warped_second(
+                second, clip[second], music_density[second], music_frames, clip_density, clip_speed, beats,
+                counted, as_recorded=as_recorded, smoothed=smoothed,
+            ),
+            second, clip[second], music_density[second], music_frames,
+            None if counted is None else counted.later_counts[second],
         )  # fmt: skip
-        for stored, measure in zip(of_beats, measures, strict=True):
-            stored[second] = measure
 
+    all_arrays: list[NDArray[Any]] = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for done, _ in enumerate(pool.map(warp, range(n_seconds))):
+        for second, warped in enumerate(pool.map(warp, range(n_seconds))):
+            of_second = [getattr(warped, field.name) for field in fields(Segments)]
+            all_arrays = all_arrays or [np.empty((n_seconds, *a.shape), a.dtype) for a in of_second]
+            for stored, array in zip(all_arrays, of_second, strict=True):
+                stored[second] = array
             if report is not None:
-                report(done + 1, n_seconds)
-    unmatched_beat, first_beat, last_beat = of_beats
+                report(second + 1, n_seconds)
+    return Segments(*all_arrays)
+
+
+def _warped_second(
+    second: int,
+    clip: NDArray[np.integer],
+    music_density: NDArray[np.float32],
+    music_frames: NDArray[np.floating],
+    clip_density: Callable[[NDArray[np.integer]], NDArray[np.float32]],
+    clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
+    beats: ClipBeats,
+    counted: CountedClips | None,
+    *,
+    as_recorded: bool,
+    smoothed: bool,
+) -> Segments:
+    """The segments (K, ...) of one second, without the axis of seconds."""
+    k = len(clip)
+    time_maps = np.empty((k, SEGMENT_FRAMES + 1), np.float32)
+    density_mismatch = np.zeros((k, SEGMENT_S), np.float32)
+    time_map_id = np.full(k, NO_TIME_MAP, np.int64)
+    off_bar = np.full((k, SEGMENT_S), _UNKNOWN_OFF_BAR, np.float32)
+    phrase_penalty = np.ones((k, SEGMENT_S + 1), np.float32)
+    searched = np.ones(k, bool)
+    if counted is not None:
+        laid = count_time_maps(second, clip, counted)
+        searched[laid.candidates] = False
+        time_maps[laid.candidates] = laid.time_maps
+        time_map_id[laid.candidates] = laid.time_map_id
+        off_bar[laid.candidates] = laid.off_bar
+        phrase_penalty[laid.candidates] = laid.phrase_penalty
+    if searched.any():
+        others = clip[searched]
+        time_maps[searched], density_mismatch[searched] = _warp_by_density(
+            music_density, clip_density(others), music_frames, beats.frames, beats.ranges[others],
+            as_recorded=as_recorded, smoothed=smoothed,
+        )  # fmt: skip
+    measures = segment_beats(
+        time_maps.astype(np.float64), clip_speed(clip), music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE
+    )
+    unmatched_beat, first_beat, last_beat = (np.asarray(measure, np.float32) for measure in measures)
     return Segments(
         np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat,
         time_map_id, off_bar, phrase_penalty,
@@ -196,6 +227,7 @@ class LayerSource:
     moments : `Layer.moments` of each second, and
     returns : `Layer.returns` of each second. None if no cost uses them
     steer_rad : the most by which a transition rotates a take back to the front
+    memory : of layers with the same clips and poses
     """
 
     def __init__(
@@ -212,8 +244,10 @@ class LayerSource:
         moments: Sequence[Moments] | None = None,
         returns: Sequence[int | None] | None = None,
         steer_rad: float = 0.0,
+        memory: Memory = NO_MEMORY,
     ) -> None:
         self._segments = segments
+        self._memory = memory
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
         usage_s = np.zeros(0) if tie_break_s is None else tie_break_s
@@ -228,6 +262,7 @@ class LayerSource:
         self._returns = returns or [None] * len(segments.clip)
         self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
         self._latest_borders: dict[int, _Borders] = {}
+        self._contents: dict[int, bytes] = {}
 
     @property
     def n_seconds(self) -> int:
@@ -237,16 +272,38 @@ class LayerSource:
     def layer(self, second: int) -> Layer:
         """All nodes active in `second`."""
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
-        parts = [self._quarter(start, second - start) for start in reversed(inserted)]
-        layer = joined_layers(parts)
-        return layer.subset(_one_per_time_map(layer.time_map_id)) if (layer.time_map_id >= 0).any() else layer
+        layer = self._memory.value(
+            lambda: one_per_time_map([self._quarter(start, second - start) for start in reversed(inserted)]),
+            second, [self._content(start) for start in inserted], self._n_motifs,
+        )  # fmt: skip
+        return self._in_dance(layer)
+
+    def _content(self, start: int) -> bytes:
+        """A digest of the segments inserted at `start`, and of where they are joined."""
+        if start not in self._contents and self._memory.is_on:
+            of_segments = [getattr(self._segments, field.name)[start] for field in fields(Segments)]
+            joins_s = self._join_times_s[start : start + SEGMENT_S + 1]
+            self._contents[start] = digest(start, of_segments, joins_s, self._motifs[start])
+        return self._contents.get(start, b"")
+
+    def _in_dance(self, layer: Layer) -> Layer:
+        """The layer with what depends on the dance and its seed, not on the segments alone."""
+        return changed_layer(
+            layer,
+            take_usage_s=_repeated(self._usage_at_start_s, layer.n_nodes),
+            danced=_repeated(self._not_danced, layer.n_nodes),
+            new_goal=layer.second in self._goal_starts,
+            moments=self._moments[layer.second],
+            returns=self._returns[layer.second],
+            steer_rad=self._steer_rad,
+        )
 
     def node(self, key: int) -> Layer:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
         segment, offset = divmod(key, SEGMENT_S)
         start, rank = divmod(segment, self._segments.clip.shape[1])
         # Indexing copies: a view would keep the time maps of all candidates alive.
-        return self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0]))
+        return self._in_dance(self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0])))
 
     def _borders(self, start: int) -> _Borders:
         """`_make_borders` of all segments. The latest results are kept.
@@ -295,7 +352,7 @@ class LayerSource:
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
-            take_usage_s=np.tile(self._usage_at_start_s, (len(clip), 1)),
+            take_usage_s=np.zeros((len(clip), 0), np.float32),
             take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
             density_mismatch=segments.density_mismatch[start, part, offset],
             unmatched_beat=segments.unmatched_beat[start, part, offset],
@@ -319,20 +376,14 @@ class LayerSource:
             last_velocity_m_s=borders.velocity_m_s[offset + 1],
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
-            danced=np.broadcast_to(self._not_danced, (len(clip), len(self._not_danced))),
+            danced=np.zeros((len(clip), 0)),
             bank=self._poses,
-            new_goal=start + offset in self._goal_starts,
-            moments=self._moments[start + offset],
-            returns=self._returns[start + offset],
-            steer_rad=self._steer_rad,
         )
 
 
-def _one_per_time_map(time_map_id: AnyInts) -> AnyInts:
-    """Indices of the first node of each time map, and of all nodes (N,) without one."""
-    own_id = -1 - np.arange(len(time_map_id))
-    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
-    return np.sort(first)
+def _repeated(row: AnyFloats, n_nodes: int) -> AnyFloats:
+    """A row (M,) for every node, (N, M), which is not copied."""
+    return np.broadcast_to(row, (n_nodes, len(row)))
 
 
 def _facing(heading_rad: AnyFloats) -> AnyFloats:

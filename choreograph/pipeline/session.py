@@ -1,4 +1,4 @@
-"""Makes several different dances for one song, and finds the motifs of a dance."""
+"""Several dances to one song: sessions, variations, and the motifs of an existing dance."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from choreograph.choreography.graph.cost import Cost
 from choreograph.core.arguments import as_list, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import Memory, default_numerics
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes
@@ -23,11 +23,73 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
-from choreograph.music.song import Song, as_song
-from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance
+from choreograph.music.song import Song, as_song, check_span
+from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
 from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
 from choreograph.settings import MAX_VARIATIONS, as_config
+
+# A song and a repertoire in memory, from which dances are made.
+
+
+_MOST_BYTES = 1 << 29  # of the values that a session keeps
+
+
+class Session:
+    """A song and a repertoire in memory, from which dances are made again with other settings.
+
+    `dance` returns what `choreograph.dance` returns for the song and the repertoire of the session, to the
+    byte. It is faster from the second dance on, because the session keeps what the dances have in common:
+    the decoded song and its analysis, the warped takes, the layers of the graph, and parts of the search and
+    of the motion. A change computes only what depends on it.
+
+    A session keeps at most 512 MB of such values, beside the song and what the repertoire keeps of its file.
+    Values that were not used for longest are removed first.
+
+    Parameters
+    ----------
+    song : path of any audio file, or a loaded `Song`
+    repertoire : the takes to dance with, opened or as a path, by default the built-in ones
+    start_s, duration_s : the part of the song, by default the whole song
+
+    Raises `FormatError` if the song cannot be read, `RepertoireError` if the repertoire cannot, and
+    `ParameterError` for an argument of a wrong type or value.
+
+    Examples
+    --------
+    >>> session = cg.Session(cg.example_songs()["house"], duration_s=8)
+    >>> first = session.dance()
+    >>> calmer = session.dance(weights={"pace": 3.0})
+    >>> pinned = session.dance(pins=[cg.TakePin(4.0, 6.0, first.plan.seconds[2].take)])
+    >>> pinned.plan.seconds[4].take == first.plan.seconds[2].take
+    True
+    """
+
+    def __init__(
+        self,
+        song: str | Path | Song,
+        repertoire: str | Path | Repertoire | None = None,
+        *,
+        start_s: float | None = None,
+        duration_s: float | None = None,
+    ) -> None:
+        start_s = 0.0 if start_s is None else start_s
+        check_span(start_s, duration_s)
+        self.repertoire = as_repertoire(repertoire)
+        self.song = as_song("a song", song, start_s=start_s, duration_s=duration_s)
+        self._memory = Memory(_MOST_BYTES)
+
+    def dance(self, **arguments: Unpack[DanceArguments]) -> Dance:
+        """Make a dance with these `arguments`, the keywords of `choreograph.dance`.
+
+        Nothing of an earlier dance is taken over: settings that are not given have their defaults. `start_s`
+        is a time in the song of the session. Raises as `choreograph.dance`.
+        """
+        return dance_with(self._memory, self.song, self.repertoire, **arguments)
+
+    def __repr__(self) -> str:
+        return f"<Session: {self.song.name}, {self.song.duration_s:.1f} s, {self.repertoire.path.name}>"
+
 
 # Several different dances for one song.
 
@@ -63,13 +125,14 @@ def vary(
     if "seed" in arguments:
         config = replace(config, seed=arguments.pop("seed"))
     start_s = arguments.pop("start_s", None)
-    loaded = as_song("a song", song, start_s=start_s or 0.0, duration_s=arguments.pop("duration_s", None))
+    duration_s = arguments.pop("duration_s", None)
+    session = Session(song, repertoire, start_s=start_s, duration_s=duration_s)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
         has_costs = bool(made) and "costs" in engines()[made[0].plan.engine].settings
         avoid = (AvoidRepeating([one.plan for one in made]),) if has_costs else ()
         arguments |= {"config": replace(config, seed=seed), "costs": (*costs, *avoid)}
-        one = dance(loaded, repertoire, **arguments)
+        one = session.dance(**arguments)
         if all(_content(one.plan) != _content(other.plan) for other in made):
             made.append(one)
         if len(made) == n:
