@@ -74,8 +74,9 @@ class DanceConfig:
 
     planner: Planner = "exact"
     """How the engine searches. "exact" finds the cheapest dance of the whole song. "greedy" takes the
-    cheapest step each time, as ChoreoGraph does. "motion-graph" walks through a graph of similar poses, as
-    a baseline. Used by the graph engine, and without "motion-graph" by the mixer."""
+    cheapest step each time, as ChoreoGraph does. In the mixer, it takes the word of each motif that begins
+    nearest to the last poses, on any count, as Rhythm is a Dancer does. "motion-graph" walks through a graph
+    of similar poses, as a baseline. Used by the graph engine, and without "motion-graph" by the mixer."""
 
     bound: bool = False
     """Whether the planner "exact" also computes a lower bound of the costs of all paths, for the plan and a
@@ -115,25 +116,25 @@ class DanceConfig:
 
     lock_feet: bool = True
     """Whether feet that touch the floor are kept in place. Switch it off to compare with the takes as they
-    are. Used by the graph engine."""
+    are. Used by the graph engine and the mixer."""
 
     hold_ends: bool = True
     """Whether a pose is held before the first count of the song, and another after its last strong count.
-    Held poses stand on both feet, breathe and shift their weight. Used by the graph engine."""
+    Held poses stand on both feet, breathe and shift their weight. Used by all engines."""
 
     keep_on_stage: bool = True
-    """Whether small rotations at the joins keep the dancer near the place where the dance begins. Used by
-    the graph engine."""
+    """Whether small rotations at the joins keep the dancer near where the dance begins. Used by the graph
+    engine and the mixer."""
 
     front: Front = "audience"
     """Where the dancer faces. With "audience", the cost `front` prefers motion that faces the audience, and
     small rotations at the joins bring the dancer back after figures that turn. "free" does without both.
-    The front of a take is the direction that its dancer faces most. Used by the graph engine."""
+    The front of a take is the way that its dancer faces most. Used by the graph engine and the mixer."""
 
     motif_draw: MotifDraw = "missing"
     """How motifs are drawn. "missing" draws motifs that the dance does not yet have as often as its
     signature asks for. "absolute" weighs them by the absolute difference, which is equation 5 of Rhythm is
-    a Dancer as printed. Used by the mixer and the rollout engine."""
+    a Dancer as printed, and draws single ones for any count. Used by the mixer and the rollout engine."""
 
     phrase_counts: Annotated[int, Range(1, 64)] = 8
     """About how many counts each passage of a take lasts, from which motifs are drawn. A passage begins at
@@ -307,8 +308,8 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 #   measured so. Consecutive nodes of a segment are at distance 0, where the paper's are a frame apart
 # - the settings of the rollout network are those of Rhythm is a Dancer, sections 4 and 5. It does not state
 #   the weights of the losses of positions and contacts (1 here), or how many teacher-forced and self-fed
-#   frames alternate (5 here, as in the acLSTM that it builds on). The root has our representation, relative
-#   to the heading of the dancer (`nets.rollout_data`)
+#   frames alternate (5 here, as in the acLSTM that it builds on). Ours are the root, which is relative to the
+#   heading of the dancer (`nets.rollout_data`), slight smoothing, and steering to the stage
 # - a second without a motion beat extends the gap of completeness to its far end
 # - a crossfade lasts 0.25 s. The dance is sampled at 60 fps by a spline through the path's 20 frames a second
 # - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire
@@ -326,7 +327,7 @@ STYLE: dict[str, Any] = {
 }  # fmt: skip
 DENSITY: dict[str, Any] = {
     **_ADAM, "music_batch_size": 16, "music_learning_rate": 1e-4, "loss": "paper", "velocities": False,
-    "skips": False, "unit_variance": False, "augmented": False, "synchronise": False,
+    "skips": False, "unit_variance": False, "augmented": False, "synchronise": False, "music_target": "clip",
 }  # fmt: skip
 
 ROLLOUT_STEPS = {"tiny": 500, "small": 5_000, "paper": 500_000}  # scaled down as the epochs are
@@ -350,16 +351,15 @@ DANCE: dict[str, Any] = {
 
 
 # Of the other engines: equations 5 and 4 of Rhythm is a Dancer as printed, motif by motif.
+_MOTIFS = {"motif_draw": "absolute", "phrase_counts": 1, "hold_ends": False, "dynamics": 0.0}
 _DANCES: dict[str, dict[str, Any]] = {
     "graph": DANCE,
-    "mixer": {"motif_draw": "absolute", "phrase_counts": 1},
-    "rollout": {
-        "motif_draw": "absolute",
-        "phrase_counts": 1,
-        "style_strength": 40.0,
-        "style_window": "hamming",
+    "mixer": {
+        **_MOTIFS, "planner": "greedy", "blending": "linear", "lock_feet": False, "keep_on_stage": False,
+        "front": "free",
     },
-}
+    "rollout": {**_MOTIFS, "style_strength": 40.0, "style_window": "hamming"},
+}  # fmt: skip
 
 
 def published_build(preset: str) -> dict[str, Any]:

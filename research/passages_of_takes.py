@@ -1,7 +1,7 @@
 """How much of a dance's motif sequences the takes have, and what drawing passages costs.
 
     python research/passages_of_takes.py mixer SONG... [--repertoire R.h5] [--judge J.h5] [--seeds 0 1 2 3 4]
-        [--phrase-counts 1]
+        [--phrase-counts 1 | --published]
 
 Prints a line for each dance and their means: the share of runs of four and of eight motifs that the takes
 have, as planned and as danced, χ² of the danced motifs to the signature of the genre, foot slide, the seconds
@@ -31,6 +31,7 @@ from choreograph.library.words import dance_bounds_s, poses_at, segment_words, s
 from choreograph.motion.body import body_pos_m, clips_to_root_frame
 from choreograph.nets.configs import word_config
 from choreograph.nets.words import WordTake, train_word_net
+from choreograph.settings import published_dance
 
 Embed = Callable[[Floats], "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"]
 LENGTHS = (4, 8)
@@ -121,6 +122,7 @@ def main() -> None:
     parser.add_argument("--judge", type=Path)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
     parser.add_argument("--phrase-counts", type=int, default=cg.DanceConfig().phrase_counts)
+    parser.add_argument("--published", action="store_true", help="the settings of the paper")
     parser.add_argument("--duration", type=float, default=60.0, help="seconds of each song")
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
@@ -134,6 +136,8 @@ def main() -> None:
     means = []
     for seed in given.seeds:
         config = cg.DanceConfig(engine=given.engine, seed=seed, phrase_counts=given.phrase_counts)
+        if given.published:
+            config = published_dance(given.engine, seed=seed)
         rows = []
         for path in given.songs:
             dance = cg.dance(path, repertoire, config=config, duration_s=given.duration)

@@ -20,9 +20,10 @@ command continues.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -39,6 +40,7 @@ from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout_data import RolloutTake
 from choreograph.nets.rollout_training import train_rollouts
 from choreograph.nets.training import TrainingContext, TrainingProgress
+from choreograph.nets.words import WordNet
 from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout
 from choreograph.settings import ROLLOUT, ROLLOUT_STEPS
 
@@ -76,39 +78,74 @@ ABLATIONS = {
 }  # fmt: skip
 
 
+def learned_takes(takes: Mapping[str, Take], repertoire: cg.Repertoire) -> list[RolloutTake]:
+    """The takes of a repertoire as the network is trained on them."""
+    own, songs = own_takes(takes, repertoire), SongCache(keep_samples=True)
+    segmented, _ = segment_takes(own, songs)
+    return rollout_takes(own, segmented, repertoire.vocabulary, word_net(repertoire), songs=songs)
+
+
+def own_takes(takes: Mapping[str, Take], repertoire: cg.Repertoire) -> list[MeasuredTake]:
+    """The takes of a repertoire with the motion, the counts and the credits that it stores."""
+    return [
+        MeasuredTake(
+            replace(
+                takes[t.name], motion=repertoire.motion(index)[0], counts=repertoire.counts(index),
+                credits=t.credits,
+            ),
+            repertoire.body_pos_m(index), repertoire.motion_beats_s(index),
+        )
+        for index, t in enumerate(repertoire.takes)
+    ]  # fmt: skip
+
+
+def word_net(repertoire: cg.Repertoire) -> WordNet:
+    """The word network of a repertoire, P of the perceptual loss."""
+    net = repertoire.net("words")
+    return WordNet.from_arrays(net.weights, net.config)
+
+
 def train(
     takes: Mapping[str, Take],
     repertoire: cg.Repertoire,
     folder: Path,
     names: Sequence[str],
-    steps: int | None,
+    *,
+    changes: Mapping[str, Any],
+    genres: Collection[str] = (),
 ) -> None:
-    """Train those of `names` that `folder` lacks, for `steps` or as long as the repertoire's network."""
+    """Train those of `names` that `folder` lacks, with some fields of their configurations changed.
+
+    With `genres`, they are trained on the takes of these genres alone.
+    """
     lacking = [name for name in names if not any(folder.glob(f"{name}*.pt"))]
-    if not lacking:
-        return
+    if lacking:
+        train_networks(takes, repertoire, folder, lacking, changes, genres)
+
+
+def train_networks(
+    takes: Mapping[str, Take],
+    repertoire: cg.Repertoire,
+    folder: Path,
+    names: Sequence[str],
+    changes: Mapping[str, Any],
+    genres: Collection[str],
+) -> None:
+    """Train the networks `names`. The other arguments are those of `train`."""
     folder.mkdir(parents=True, exist_ok=True)
-    seed = int(repertoire.provenance["seed"])
-    own = [
-        MeasuredTake(
-            replace(takes[t.name], motion=repertoire.motion(index)[0], counts=repertoire.counts(index)),
-            repertoire.body_pos_m(index), repertoire.motion_beats_s(index),
-        )
-        for index, t in enumerate(repertoire.takes)
-    ]  # fmt: skip
-    words, songs = repertoire.word_net(), SongCache(keep_samples=True)
-    segmented, _ = segment_takes(own, songs)
-    learned = rollout_takes(own, segmented, repertoire.vocabulary, words, songs=songs)
-    length = {} if steps is None else {"steps": steps}
-    for name in lacking:
-        config = rollout_config(str(repertoire.provenance["preset"]), **{**ABLATIONS[name], **length})
+    seed, words = int(repertoire.provenance["seed"]), word_net(repertoire)
+    learned = learned_takes(takes, repertoire)
+    for name in names:
+        config = rollout_config(str(repertoire.provenance["preset"]), **{**ABLATIONS[name], **changes})
         context = TrainingContext(folder / name, resume=True, report=show)
         data = learned
         if name in (WITH_GRAPH_DANCES, WITH_SYNTHESISED_SONGS):
-            dances = taught(repertoire, [m.take for m in own], folder / f"{name}-plans", name, seed)
-            data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire, songs)]
+            own = [m.take for m in own_takes(takes, repertoire)]
+            dances = taught(repertoire, own, folder / f"{name}-plans", name, seed)
+            data = [*learned, *as_learned([measure_take(dance) for dance in dances], repertoire)]
         elif name == AT_ACCENTS:
-            data = as_learned([at_accents(m) for m in own], repertoire, songs)
+            data = as_learned([at_accents(m) for m in own_takes(takes, repertoire)], repertoire)
+        data = [take for take in data if not genres or take.genre in genres]
         for net in train_rollouts(data, words, config, seed=seed, context=context):
             of_genre = f"{name}@{net.config.genre}" if config.by_genre else name
             torch.save(net.to_arrays()[1] | {"weights": net.state_dict()}, folder / f"{of_genre}.pt")
@@ -123,11 +160,9 @@ def taught(
     return graph_dances(repertoire, songs_of(takes), folder, beats=DEFAULT_TRACKER, seed=seed)
 
 
-def as_learned(
-    dances: Sequence[MeasuredTake], repertoire: cg.Repertoire, songs: SongCache
-) -> list[RolloutTake]:
+def as_learned(dances: Sequence[MeasuredTake], repertoire: cg.Repertoire) -> list[RolloutTake]:
     """Dances as the network is trained on them, by the motifs of the repertoire."""
-    words = repertoire.word_net()
+    words, songs = word_net(repertoire), SongCache(keep_samples=True)
     segmented, vocabulary = words_of_dances(dances, repertoire.vocabulary, words, songs)
     return rollout_takes(dances, segmented, vocabulary, words, songs=songs)
 
@@ -150,12 +185,18 @@ def main() -> None:
     parser.add_argument("repertoires", type=Path, nargs="+")
     parser.add_argument("-o", "--output", type=Path, required=True)
     parser.add_argument("--steps", type=int, help="of every training, by default the preset's")
+    parser.add_argument("--width", type=int, help="of the LSTM, by default the preset's")
+    parser.add_argument("--learning-rate", type=float, help="of every training, by default its own")
+    parser.add_argument("--genres", nargs="+", default=[], help="learned from, by default all")
     parser.add_argument("--networks", nargs="+", choices=list(ABLATIONS), default=list(ABLATIONS))
     given = parser.parse_args()
     torch.set_num_threads(1)
     takes = {take.name: take for take in import_takes(given.takes)}
+    fields = ("steps", "width", "learning_rate")
+    changes = {name: value for name in fields if (value := getattr(given, name)) is not None}
     for path in given.repertoires:
-        train(takes, cg.Repertoire.open(path), given.output / path.stem, given.networks, given.steps)
+        repertoire, folder = cg.Repertoire.open(path), given.output / path.stem
+        train(takes, repertoire, folder, given.networks, changes=changes, genres=given.genres)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,13 @@
 """How well DTW on tempo-densities gives a known random warp back, on takes never trained on.
 
     python research/warp_recovery.py shared/data/dance-with-melody --preset tiny --seeds 0 1
+    python research/warp_recovery.py shared/data/dance-with-melody --preset tiny --published \\
+        --takes DANCE_C_6 DANCE_C_8 --epochs 100 300 1000 --work FOLDER
+
+The second command trains by equation 2 alone, as `build-db --published` (`choreograph.settings.DENSITY`), on
+the named takes, once for each number of epochs. The first rows of a network are of the held-out takes, those
+with "trained on" of its own. Checkpoints are written to FOLDER, and after a stop the same command
+continues.
 
 Clips of 8 s every 4 s of each held-out take are warped at random: every motion beat moves by up to 0.5 s,
 slopes stay in [0.5, 2]. Query: the middle 4 s of the warped clip's density. Target: the density of the
@@ -11,10 +18,13 @@ clip as it was. Error: the source time that subsequence DTW gives each query fra
 from __future__ import annotations
 
 import argparse
+import time
 from collections import defaultdict
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import torch
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.choreography.graph.warping import subsequence_dtw
@@ -30,6 +40,7 @@ from choreograph.nets.density_training import random_time_map, train_motion_dens
 from choreograph.nets.style import centred
 from choreograph.nets.style_training import StyleTake
 from choreograph.nets.training import TrainingContext
+from choreograph.settings import DENSITY
 from research.warp_scores import recovery_errors_ms, summary_ms
 
 SMOOTHING_FRAMES = 2.0
@@ -96,20 +107,38 @@ def main() -> None:
     )
     parser.add_argument("--preset", default="small")
     parser.add_argument("--loss", default="locatable", help="locatable, or paper: equation 2 alone")
+    parser.add_argument("--published", action="store_true", help="all settings of the paper, and --epochs")
+    parser.add_argument("--epochs", type=int, nargs="+", default=[100], help="with --published")
+    parser.add_argument("--takes", nargs="+", help="names of those trained on, by default all others")
+    parser.add_argument("--work", type=Path, help="folder of the checkpoints")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
     options = parser.parse_args()
     names = set(options.held_out.read_text(encoding="utf-8").split())
     takes = [motion_only(take) for take in import_takes(options.data)]
     known = [take for take in takes if take.name not in names]
+    if options.takes:
+        known = [take for take in known if take.name in options.takes]
     unknown = [take for take in takes if take.name in names]
     print(
         f"{len(known)} takes trained on, {len(unknown)} held out. Errors in ms: median, mean, 90th percentile"
     )
     show("", errors_ms(unknown, None))
-    config = density_config(options.preset, loss=options.loss)
-    for seed in options.seeds:
-        net = train_motion_density(known, config, seed=seed, context=TrainingContext(device="cpu"))
-        show(f"{options.preset}, seed {seed}:", errors_ms(unknown, net))
+    torch.set_num_threads(1)
+    runs = (
+        [DENSITY | {"epochs": n} for n in options.epochs] if options.published else [{"loss": options.loss}]
+    )
+    for seed, changes in product(options.seeds, runs):
+        title = f"{options.preset}, seed {seed}" + (
+            f", {changes['epochs']} epochs" if options.published else ""
+        )
+        folder = options.work and options.work / title.replace(", ", "-").replace(" ", "-")
+        context = TrainingContext(folder, resume=True, device="cpu")
+        config, start_s = density_config(options.preset, **changes), time.process_time()
+        net = train_motion_density(known, config, seed=seed, context=context)
+        print(f"{title}: trained in {time.process_time() - start_s:.0f} s of CPU time")
+        show(f"{title}:", errors_ms(unknown, net))
+        if options.published:
+            show(f"{title}, trained on:", errors_ms(known, net))
 
 
 if __name__ == "__main__":

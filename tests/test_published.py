@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,14 +21,18 @@ from choreograph import settings as published
 from choreograph.choreography.graph import layer_source, segments
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import dance_variant
-from choreograph.formats.register import save_motion
+from choreograph.formats.register import import_takes, save_motion
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import poses_at
 from choreograph.library.writing import write_repertoire
+from choreograph.motion.body import clips_to_root_frame
 from choreograph.music.song_features import motion_density
 from choreograph.nets.configs import DensityConfig, StyleConfig
 from choreograph.nets.density import MotionDensity
 from choreograph.render.rendering import assemble, plan_runs, take_motions
 from choreograph.settings import DEFAULT_WEIGHTS
+from research.swapped_net import ablated_nets
+from research.train_rollout_ablations import train
 from research.variants import VARIANTS, variants_named
 
 pytestmark = pytest.mark.slow
@@ -80,7 +85,7 @@ def test_the_networks_are_trained_as_published(built):
         assert density.loss == "paper" and density.batch_size == density.music_batch_size == 16
         assert density.learning_rate == density.music_learning_rate == 1e-4
         assert not (density.skips or density.velocities or density.unit_variance)
-        assert not (density.augmented or density.synchronise)
+        assert not (density.augmented or density.synchronise) and density.music_target == "clip"
     # Recorded feet, and what was scaled, are on record.
     assert repertoire.provenance["feet_locked"] is False
     assert repertoire.provenance["method"] == f"published: {published.scaling('tiny')}"
@@ -215,11 +220,101 @@ def test_each_genre_has_a_rollout_network_of_equation_10(rolling_by_genre):
 @pytest.mark.parametrize("engine", ["rollout", "mixer"])
 def test_the_other_engines_draw_motifs_by_equation_5(rolling_by_genre, song, engine):
     config = published.published_dance(engine)
-    assert config.motif_draw == "absolute"
     dance = cg.dance(song, rolling_by_genre, genre="folk", duration_s=6, config=config)
     assert dance.plan.engine == engine and np.isfinite(dance.motion.local_quat).all()
+    motifs = [word.motif for word in dance.plan.words]
+    v = rolling_by_genre.vocabulary
+    row = v.genre_index("folk")
+    assert motifs == by_equation_5(len(motifs), v.signatures[row], v.transitions[row])
     again = cg.dance(song, rolling_by_genre, genre="salsa", duration_s=6, config=config)
     assert not np.array_equal(dance.motion.local_quat, again.motion.local_quat)
+
+
+def by_equation_5(n_words, signature, transitions):
+    """Motifs drawn by equation 5 as printed, and the first by the signature."""
+    rng, danced, motifs = np.random.default_rng(0), np.zeros(len(signature)), []
+    for _ in range(n_words):
+        follows = transitions[motifs[-1]] if motifs else signature
+        probability = np.abs(danced / max(danced.sum(), 1) - signature) * follows
+        if not probability.any():  # nothing is lacking of what may follow
+            probability = follows
+        motifs.append(int(rng.choice(len(signature), p=probability / probability.sum())))
+        danced[motifs[-1]] += 1
+    return motifs
+
+
+def test_equation_5_has_no_positions_in_the_bar():
+    """Counted takes: words may begin on any count, as in the paper."""
+    starter = cg.starter_repertoire()
+    config = published.published_dance("mixer")
+    dance = cg.dance(cg.example_songs()["house"], starter, genre="salsa", duration_s=8, config=config)
+    motifs = [word.motif for word in dance.plan.words]
+    row = starter.vocabulary.genre_index("salsa")
+    of_genre = starter.vocabulary.signatures[row], starter.vocabulary.transitions[row]
+    assert motifs == by_equation_5(len(motifs), *of_genre)
+
+
+@pytest.mark.parametrize("engine", ["rollout", "mixer"])
+def test_their_dances_have_neither_held_ends_nor_dynamics(rolling_by_genre, song, engine):
+    plan = cg.dance(
+        song, rolling_by_genre, genre="folk", duration_s=6, config=published.published_dance(engine)
+    ).plan
+    assert (plan.opening_s, plan.closing_s, plan.amplitudes, plan.stops_s) == (0.0, None, (), ())
+
+
+def test_the_mixer_takes_the_word_whose_first_poses_are_nearest(rolling_by_genre, song):
+    config = published.published_dance("mixer")
+    plan = cg.dance(song, rolling_by_genre, genre="folk", duration_s=8, config=config).plan
+    assert (plan.planner, plan.blending, plan.front) == ("greedy", "linear", "free")
+    assert not (plan.lock_feet or plan.keep_on_stage)
+    v, names = rolling_by_genre.vocabulary, [take.name for take in rolling_by_genre.takes]
+    start_of = {
+        (names[t], round(float(s), 6)): w
+        for w, (t, s) in enumerate(zip(v.word_take, v.word_start_s, strict=True))
+    }
+    folk = [index for index, take in enumerate(rolling_by_genre.takes) if take.credits.genre == "folk"]
+    chosen = 0
+    inner = plan.words[1:-1]  # the first and the last are extended to the ends of the song
+    for before, after in pairwise(inner):
+        previous = start_of[before.take, before.source_start_s]
+        words = np.flatnonzero((v.word_motif == after.motif) & np.isin(v.word_take, folk))
+        last = border_poses_m(rolling_by_genre, previous, before.end_s - before.start_s, [-2, -1, 0])
+        distances = [
+            np.linalg.norm(
+                border_poses_m(rolling_by_genre, word, after.end_s - after.start_s, [0, 1, 2]) - last
+            )
+            for word in words
+        ]
+        nearest = words[int(np.argmin(distances))]
+        assert start_of[after.take, after.source_start_s] == nearest
+        chosen += len(words) > 1
+    assert chosen > 0
+
+
+def border_poses_m(repertoire, word, length_s, frames):
+    """Three poses of a word at frames from its start, or from its end if they are negative, from the root."""
+    v = repertoire.vocabulary
+    start_s, end_s = float(v.word_start_s[word]), float(v.word_end_s[word])
+    border_s = end_s if frames[0] < 0 else start_s
+    times_s = border_s + (end_s - start_s) / length_s * np.array(frames) / 20.0
+    take_m = repertoire.body_pos_m(int(v.word_take[word]))
+    return clips_to_root_frame(poses_at(take_m, 20, times_s)[None])[0]
+
+
+def test_networks_as_published_are_trained_again_without_one_of_their_losses(
+    rolling_by_genre, takes, tmp_path
+):
+    """The ablations of Table 1 are trained on the takes of a repertoire, a network for each genre."""
+    recorded = {take.name: take for take in import_takes(takes)}
+    names = ["published", "published-no-perceptual-loss"]
+    changes = {"steps": 1, "batch_size": 2, "width": 16}
+    train(recorded, rolling_by_genre, tmp_path, names, changes=changes)
+    nets = ablated_nets(tmp_path)
+    assert {name: sorted(of_genres) for name, of_genres in nets.items()} == {
+        name: ["folk", "salsa"] for name in names
+    }
+    config = nets["published-no-perceptual-loss"]["salsa"].config
+    assert (config.genre, config.loss, config.perceptual_weight, config.width) == ("salsa", "paper", 0.0, 16)
 
 
 def test_a_signature_without_a_genre_has_no_network(rolling_by_genre, song):

@@ -36,7 +36,8 @@ BUILTIN_ENGINES = {
     "mixer": "choreograph.choreography.mixer.engine:MixerEngine",
     "rollout": "choreograph.choreography.rollout.engine:RolloutEngine",
 }
-COMMON_SETTINGS = frozenset({"engine", "dynamics", "fps", "seed", "beats", "cache"})  # that every engine uses
+# The settings that every engine uses.
+COMMON_SETTINGS = frozenset({"engine", "hold_ends", "dynamics", "fps", "seed", "beats", "cache"})
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.motif_sequences import (
+    UNKNOWN,
     MotifGoal,
     allowed_motifs,
     bar_positions,
@@ -223,13 +224,16 @@ def draw_dance(
     """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
 
     `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
-    passage has, passages are shorter. Raises as `draw_motifs`.
+    passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute", positions in
+    the bar are not regarded, as in Rhythm is a Dancer. Raises as `draw_motifs`.
     """
     config, material = request.config, request.material
     words = TakeWords.of(request.repertoire)
     starts_s = constraints.bounds_s[:-1]
     position = bar_positions(starts_s, constraints.counts)
     parts = material.parts_at(starts_s)
+    if config.phrase_counts == 1 and config.motif_draw == "absolute":
+        position = np.full(len(starts_s), UNKNOWN)
     possible = possible_motifs(position, words.position, constraints.take_wanted, words.vocabulary)
     goals = [part.goal for part in material.goals]
     if config.phrase_counts == 1:

@@ -249,12 +249,15 @@ class DanceOptions:
 
 
 def _published(engine: str, repertoire: Repertoire) -> DanceConfig:
-    """The settings as published. Raises `RepertoireError` if a rollout network was trained otherwise."""
-    config = published_dance(engine)
-    if engine == "rollout" and not repertoire.rollout_genres:
+    """The settings as published. Raises `RepertoireError` if the rollout networks they need are missing."""
+    from choreograph.library.schema import rollout_names
+
+    config, names = published_dance(engine), rollout_names(repertoire.net_names)
+    if engine == "rollout" and (not names or "rollout" in names):
+        got = "one that was trained otherwise: use --set motif_draw=absolute for equation 5 alone"
         raise RepertoireError(
             f"{repertoire.path}: expected rollout networks of `choreograph build-db --published --rollout`, "
-            "got one that was trained otherwise: use --set motif_draw=absolute for equation 5 alone"
+            f"got {got if names else 'none'}"
         )
     return config
 

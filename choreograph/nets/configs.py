@@ -183,6 +183,7 @@ class DensityConfig:
     music_steps: int = 1500  # of the network of music
     music_learning_rate: float = 1e-3  # at its highest, of the network of music
     synchronise: bool = True  # warp motion beats of targets onto music beats. The paper's targets are raw
+    music_target: str = "take"  # density of the whole take, or "clip": of each clip alone, as in the paper
     epochs: int = 0  # passes of both networks over the takes, which replace `steps` unless 0
     schedule: str = "cosine"  # of the learning rate: see `nets.training.train`
 
@@ -196,6 +197,9 @@ class DensityConfig:
             raise ParameterError(
                 f"expected a density loss among {', '.join(DENSITY_LOSSES)}, got {self.loss!r}"
             )
+        check_choice("a music target", self.music_target, ("take", "clip"))
+        if self.music_target == "clip" and self.synchronise:
+            raise ParameterError("expected raw targets of clips, got music_target clip with synchronise")
         check_training(self.epochs, self.schedule)
         if self.width < 4 or self.width % 4:
             raise ParameterError(f"expected a width divisible by the 4 attention heads, got {self.width}")

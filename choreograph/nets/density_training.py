@@ -138,34 +138,41 @@ class MusicDensityData:
     """Takes as pairs of music and target density. Raises `ParameterError` if none has 8 s of both."""
 
     def __init__(
-        self, takes: Sequence[StyleTake], motion_density: MotionDensity, *, synchronise: bool
+        self, takes: Sequence[StyleTake], motion_density: MotionDensity, *, synchronise: bool, of_clips: bool
     ) -> None:
         self.takes = [take for take in takes if _n_frames(take) >= CLIP_FRAMES]
         if not self.takes:
             raise ParameterError(f"expected a take with {CLIP_S} s of music and motion, got none")
+        self._net, self._of_clips = motion_density, of_clips
         self._mels = [take.log_mel[: _MUSIC_PER_MOTION * _n_frames(take)] for take in self.takes]
-        self._targets = [target_density(t, motion_density, synchronise=synchronise) for t in self.takes]
-        lengths = np.array([len(target) for target in self._targets], np.float64)
+        if not of_clips:
+            self._targets = [target_density(t, motion_density, synchronise=synchronise) for t in self.takes]
+        lengths = np.array([_n_frames(take) for take in self.takes], np.float64)
         self._probability = lengths / lengths.sum()
+        self.n_clips = float(lengths.sum()) / CLIP_FRAMES  # length in clips of 8 s that do not overlap
 
     def statistics(self) -> dict[str, NDArray[np.float32]]:
         """Mean and deviation for standardising the input, by the names of the buffers of `MusicDensity`."""
         mel = np.concatenate(self._mels)
         return {"mel_mean": mel.mean(axis=0), "mel_std": mel.std(axis=0) + 1e-3}
 
-    @property
-    def n_clips(self) -> float:
-        """Length of the takes in clips of 8 s that do not overlap."""
-        return sum(len(target) for target in self._targets) / CLIP_FRAMES
-
     def batch(self, size: int, rng: np.random.Generator, *, augmented: bool = True) -> tuple[Tensor, Tensor]:
-        """Random segments: log-mel (B, 240, 96), augmented or as it is, and target density (B, 80)."""
-        mel = np.empty((size, MEL_FRAMES, self._mels[0].shape[1]), np.float32)
-        target = np.empty((size, SEGMENT_FRAMES), np.float32)
-        for row, index in enumerate(rng.choice(len(self.takes), size, p=self._probability)):
-            start = int(rng.integers(len(self._targets[index]) - SEGMENT_FRAMES + 1))
-            mel[row] = self._mels[index][_MUSIC_PER_MOTION * start :][:MEL_FRAMES]
-            target[row] = self._targets[index][start : start + SEGMENT_FRAMES]
+        """Random segments: log-mel (B, 240, 96), augmented or as it is, and target density (B, 80).
+
+        With `of_clips`, they are the middles of random clips, and the density is that of the clip alone.
+        """
+        span = CLIP_FRAMES if self._of_clips else SEGMENT_FRAMES
+        middle = (span - SEGMENT_FRAMES) // 2
+        takes = rng.choice(len(self.takes), size, p=self._probability).tolist()
+        rows = [(take, int(rng.integers(_n_frames(self.takes[take]) - span + 1))) for take in takes]
+        first = [_MUSIC_PER_MOTION * (start + middle) for _, start in rows]
+        mels = [self._mels[take][frame:][:MEL_FRAMES] for take, frame in zip(takes, first, strict=True)]
+        mel = np.array(mels, np.float32)
+        if self._of_clips:
+            clips = np.stack([self.takes[take].body_pos_m[at : at + CLIP_FRAMES] for take, at in rows])
+            target = self._net.clip_densities(clips)[:, middle : middle + SEGMENT_FRAMES]
+        else:
+            target = np.stack([self._targets[take][at : at + SEGMENT_FRAMES] for take, at in rows])
         return torch.from_numpy(augment_mel(mel, rng) if augmented else mel), torch.from_numpy(target)
 
 
@@ -174,10 +181,10 @@ def target_density(
 ) -> NDArray[np.float32]:
     """The density that the music of a take is trained to predict, (T,) at 20 fps.
 
-    It is the density of the motion in windows of 8 s, of which the middles are used (Middle in equation 3).
-    It has unit variance if the densities of `motion_density` have. With `synchronise`, it is warped so that
-    the motion beats fall on the music beats. Takes are danced in tempo but often not in phase, and an
-    estimator trained on raw pairs predicts the mean over all phases.
+    It is the mean of the densities of overlapping windows of 8 s. It has unit variance if the densities of
+    `motion_density` have. With `synchronise`, it is warped so that the motion beats fall on the music beats.
+    Takes are danced in tempo but often not in phase, and an estimator trained on raw pairs predicts the mean
+    over all phases.
     """
     density = motion_density.take_density(take.body_pos_m[: _n_frames(take)])
     if synchronise:
@@ -327,11 +334,7 @@ def train_motion_density(
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
         pairs = warped_pairs(
-            usable,
-            config.batch_size,
-            rng,
-            mirrored_share=config.mirrored_share,
-            augmented=config.augmented,
+            usable, config.batch_size, rng, mirrored_share=config.mirrored_share, augmented=config.augmented
         )
         return density_loss(estimator, decoder, pairs.to(device), config)
 
@@ -365,7 +368,8 @@ def train_music_density(
 
     Raises `ParameterError` if no take has 8 s of music and motion.
     """
-    data = MusicDensityData(takes, motion_density, synchronise=config.synchronise)
+    of_clips = config.music_target == "clip"
+    data = MusicDensityData(takes, motion_density, synchronise=config.synchronise, of_clips=of_clips)
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         net = MusicDensity(config)

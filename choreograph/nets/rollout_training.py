@@ -256,14 +256,15 @@ def unroll(net: RolloutNet, batch: RolloutBatch, *, self_fed_frames: int) -> Ten
     The input is the true pose for `teacher_frames` frames, then the network's own prediction for
     `self_fed_frames` frames, and so on in turns: the paper's auto-conditioning.
     """
-    gate_inputs, condition = net.embed_conditions(batch.conditions)
+    # Slices of the frames would each have a gradient of the size of the whole.
+    gate_inputs, condition = (values.unbind(1) for values in net.embed_conditions(batch.conditions))
     state = net.initial_state(len(batch.pose))
     period = net.config.teacher_frames + self_fed_frames
     predicted: list[Tensor] = []
     for frame in range(batch.pose.shape[1] - 1):
         teacher_forced = frame % period < net.config.teacher_frames
         pose = batch.pose[:, frame] if teacher_forced else net.as_input(predicted[-1])
-        pose, state = net.step(pose, gate_inputs[:, frame + 1], condition[:, frame + 1], state)
+        pose, state = net.step(pose, gate_inputs[frame + 1], condition[frame + 1], state)
         predicted.append(pose)
     return torch.stack(predicted, dim=1)
 

@@ -47,7 +47,9 @@ def test_the_published_method_says_what_it_needs(tmp_path, song, db):
     )
     assert_one_line(other, says="graph engine")
     rolled = run("dance", song, "--config", "published", "--engine", "rollout")
-    assert_one_line(rolled, says="build-db --published --rollout")
+    assert_one_line(rolled, says="build-db --published --rollout`, got one that was trained otherwise")
+    rolled = run("dance", song, "--db", db, "--config", "published", "--engine", "rollout")
+    assert_one_line(rolled, says="build-db --published --rollout`, got none")
     evaluated = run(
         "evaluate", "--db", db, "--songs", song.parent, "--variants", "as-published", "--seeds", 1
     )

@@ -101,9 +101,23 @@ def test_synchronised_targets_differ_from_raw_ones():
 
 def test_music_batches_have_segments_and_their_targets():
     net = MotionDensity(density_config("tiny"))
-    data = MusicDensityData([click_take(), click_take("short", 5)], net, synchronise=False)
+    data = MusicDensityData([click_take(), click_take("short", 5)], net, synchronise=False, of_clips=False)
     assert [take.name for take in data.takes] == ["a"]
     mel, target = data.batch(3, np.random.default_rng(0))
     assert mel.shape == (3, 240, 96) and target.shape == (3, 80)
     with pytest.raises(ParameterError, match="8 s of music and motion"):
-        MusicDensityData([click_take("short", 5)], net, synchronise=False)
+        MusicDensityData([click_take("short", 5)], net, synchronise=False, of_clips=False)
+
+
+def test_targets_of_clips_are_the_middles_of_their_own_densities():
+    net, take = MotionDensity(density_config("tiny", unit_variance=False)), click_take()
+    data = MusicDensityData([take], net, synchronise=False, of_clips=True)
+    mel, target = data.batch(3, np.random.default_rng(0), augmented=False)
+    rng = np.random.default_rng(0)
+    rng.choice(1, 3, p=[1.0])
+    for row, start in enumerate(int(rng.integers(240 - 160 + 1)) for _ in range(3)):
+        of_clip = net.clip_densities(take.body_pos_m[None, start : start + 160])[0]
+        np.testing.assert_allclose(target[row], of_clip[40:120], atol=1e-6)
+        np.testing.assert_array_equal(mel[row], take.log_mel[3 * (start + 40) :][:240])
+    averaged = target_density(take, net, synchronise=False)
+    assert np.abs(of_clip[40:120] - averaged[start + 40 : start + 120]).max() > 1e-4

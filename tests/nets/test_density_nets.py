@@ -128,8 +128,13 @@ def test_takes_too_short_are_refused(tiny):
 
 
 @pytest.mark.parametrize(
-    ("changes", "named"), [({"loss": "x"}, "density loss"), ({"steps": 0}, "steps"), ({"width": 6}, "heads")]
-)
+    ("changes", "named"),
+    [
+        ({"loss": "x"}, "density loss"), ({"steps": 0}, "steps"), ({"width": 6}, "heads"),
+        ({"music_target": "x"}, "a music target"),
+        ({"music_target": "clip", "synchronise": True}, "raw targets of clips"),
+    ],
+)  # fmt: skip
 def test_impossible_configurations_are_refused(changes, named):
     with pytest.raises(ParameterError, match=named):
         density_config("tiny", **changes)

@@ -54,7 +54,6 @@ class GraphEngine:
             "blending",
             "transitions",
             "lock_feet",
-            "hold_ends",
             "keep_on_stage",
             "front",
             "weights",

@@ -48,7 +48,9 @@ class MixerEngine:
     """Motion words of takes (Rhythm is a Dancer, sections 4.3 and 5.2.5)."""
 
     name = "mixer"
-    settings = frozenset({"planner", "blending", "motif_draw", "phrase_counts"})
+    settings = frozenset(
+        {"planner", "blending", "lock_feet", "keep_on_stage", "front", "motif_draw", "phrase_counts"}
+    )
 
     def check(
         self,
@@ -122,7 +124,8 @@ def mix(request: DanceRequest) -> MixedDance:
     It differs from the paper in four ways. Motifs are drawn in passages of takes. A word that no longer shows
     its motif after blending is replaced, and the dance is rendered again. In a passage, this holds for
     requested motifs only, because another word would interrupt the passage. All words are chosen together.
-    Words begin at the position of the music in the bar.
+    Words begin at the position of the music in the bar. With the planner "greedy", words are chosen as in the
+    paper, and only a word that misses a request is replaced.
 
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
@@ -130,7 +133,7 @@ def mix(request: DanceRequest) -> MixedDance:
     constraints, config = request.constraints, request.config
     rng = np.random.default_rng(config.seed)
     cut_cost_m = _CUT_COST_M if config.phrase_counts > 1 else 0.0
-    pool = CandidatePool.of(constraints, request.repertoire, rng)
+    pool = CandidatePool.of(constraints, request.repertoire, rng, nearest=config.planner == "greedy")
     wanted = _motifs(pool, request)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
     if request.kept is not None:
@@ -173,7 +176,8 @@ def _rendered(
     shown = danced_motifs(motion, constraints.bounds_s, request.repertoire, pinned)
     danced = np.where(held, chosen, shown)
     broken = violated_slots(danced, replace(constraints, motifs=pinned))
-    insists = np.full(constraints.n_words, request.config.phrase_counts == 1)
+    config = request.config
+    insists = np.full(constraints.n_words, config.phrase_counts == 1 and config.planner == "exact")
     insists[list(constraints.motifs)] = True
     return MixedDance(plan, motion, words, chosen, danced, insists, tuple(broken))
 

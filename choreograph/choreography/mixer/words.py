@@ -28,13 +28,17 @@ from choreograph.plan import PlannedWord
 # The features of words that the mixer compares: poses at their borders, and their motif margin.
 
 
-AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS  # the three poses by which transitions are compared
+# The three poses by which transitions are compared: around the instant of the transition, or as in the paper
+# the first three of a word and the last three of the word before.
+AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS
+INSIDE_S = np.array([[0.0, 1.0, 2.0], [-2.0, -1.0, 0.0]]) / NET_FPS
 
 
 class WordBank:
     """Reads words from the takes' positions, (T, 21, 3) at 20 fps, and embeds each when first needed.
 
-    Words are danced between `bounds_s` (W, 2) of their takes, by default where they were cut.
+    Words are danced between `bounds_s` (W, 2) of their takes, by default where they were cut. The poses at
+    their borders are at `border_s` (2, 3) from the start and from the end, or (3,) from both.
     """
 
     def __init__(
@@ -43,8 +47,10 @@ class WordBank:
         body_pos_m: Callable[[int], AnyFloats],
         embed: Callable[[AnyFloats], NDArray[np.float32]],
         bounds_s: AnyFloats | None = None,
+        border_s: AnyFloats = AROUND_S,
     ) -> None:
         self.vocabulary = vocabulary
+        self.border_s = border_s
         cut_s = np.stack([vocabulary.word_start_s, vocabulary.word_end_s], axis=1)
         self.bounds_s = cut_s if bounds_s is None else bounds_s
         self._body_pos_m = body_pos_m
@@ -52,13 +58,13 @@ class WordBank:
         self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
 
     def borders_m(self, words: Indices, lengths_s: float) -> tuple[AnyFloats, AnyFloats]:
-        """The three poses around the start and the end of words (M,), each (M, 3, 21, 3), in the root frame.
+        """The three poses at the start and at the end of words (M,), each (M, 3, 21, 3), in the root frame.
 
         They are a twentieth of a second apart in the dance, where the words last `lengths_s`.
         """
         bounds_s = self.bounds_s[words]  # (M, 2)
         speed = np.diff(bounds_s, axis=1) / lengths_s  # (M, 1)
-        poses = self._poses_m(words, bounds_s[..., None] + speed[..., None] * AROUND_S)
+        poses = self._poses_m(words, bounds_s[..., None] + speed[..., None] * self.border_s)
         poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
         return poses[:, 0], poses[:, 1]
 
@@ -152,7 +158,11 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class CandidatePool:
-    """All words of a repertoire that the constraints of one dance allow."""
+    """All words of a repertoire that the constraints of one dance allow.
+
+    With `nearest`, words have no costs of their own, are danced as they were cut, and are compared by their
+    first and last poses, as in Rhythm is a Dancer, section 5.2.5.
+    """
 
     constraints: ResolvedConstraints
     repertoire: Repertoire
@@ -160,6 +170,7 @@ class CandidatePool:
     rng: np.random.Generator
     slot_position: Indices  # (N,) of each slot in the song's bar, see `choreography.motif_sequences`
     word_position: Indices  # (words,) of each word in its take's bar
+    nearest: bool = False
 
     @classmethod
     def of(
@@ -167,13 +178,17 @@ class CandidatePool:
         constraints: ResolvedConstraints,
         repertoire: Repertoire,
         rng: np.random.Generator,
+        *,
+        nearest: bool = False,
     ) -> CandidatePool:
         """The pool of a repertoire. Raises `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
         embed = repertoire.word_net().embed
-        bank = WordBank(vocabulary, repertoire.body_pos_m, embed, accented_bounds_s(repertoire))
+        bounds_s, border_s = (None, INSIDE_S) if nearest else (accented_bounds_s(repertoire), AROUND_S)
+        bank = WordBank(vocabulary, repertoire.body_pos_m, embed, bounds_s, border_s)
         slots = bar_positions(constraints.bounds_s[:-1], constraints.counts)
-        return cls(constraints, repertoire, bank, rng, slots, word_positions(vocabulary, repertoire.counts))
+        positions = word_positions(vocabulary, repertoire.counts)
+        return cls(constraints, repertoire, bank, rng, slots, positions, nearest)
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -197,11 +212,15 @@ class CandidatePool:
             fits &= v.word_take == constraints.takes[slot]
         wanted = fits & constraints.take_wanted[slot, v.word_take]
         words = np.flatnonzero(wanted if wanted.any() else fits)
+        borders_m = self.bank.borders_m(words, self.length_s(slot))
+        if self.nearest:  # the first word of a dance follows none, so it is drawn
+            cost = self.rng.random(len(words)) if slot == 0 else np.zeros(len(words))
+            return Candidates(words, v.word_take[words], cost, *borders_m)
         octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
         cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
-        return Candidates(words, v.word_take[words], cost, *self.bank.borders_m(words, self.length_s(slot)))
+        return Candidates(words, v.word_take[words], cost, *borders_m)
 
     def motif_allowed(self) -> NDArray[np.bool_]:
         """Motifs (K,) that are not banned and have a word that may be danced."""
@@ -238,10 +257,10 @@ def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
 
 # The mixer's search for the word of each slot that best continues the word before it.
 #
-# In Rhythm is a Dancer, section 5.2.5, each word is chosen once, after the one before it (`greedy`). By
-# default (`exact`), all words are chosen together as the cheapest sequence. The paper compares the first
-# three poses of a word with the last three of the word before. Here, both are taken around the instant of the
-# transition, so that position and velocity are compared there. A word that follows in its take costs nothing.
+# In Rhythm is a Dancer, section 5.2.5, each word is chosen once, after the one before it (`greedy`), by the
+# distance of its first three poses from the last three of the word before. By default (`exact`), all words
+# are chosen together as the cheapest sequence, and the poses are those around the instant of the transition,
+# so that position and velocity are compared there. A word that follows in its take then costs nothing.
 
 
 SEARCHES = ("exact", "greedy")
@@ -254,8 +273,8 @@ def search_words(
     """A word for every slot, (N,): the cheapest sequence.
 
     Going from one word to the next costs the root mean square distance of their three poses at the
-    transition, in metres, more if it is the same word again, and `cut_cost_m` more if it is not the word
-    that follows in the take.
+    transition, in metres, and `cut_cost_m` more if it is not the word that follows in the take. Unless the
+    search is greedy, it costs more if it is the same word again.
 
     Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
     forbidden.
@@ -274,7 +293,8 @@ def search_words(
 def _greedy(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
     rows = [int(np.argmin(candidates[0].cost_m))]
     for before, here in pairwise(candidates):
-        rows.append(int(np.argmin(_transition_costs_m(before, here, cut_cost_m)[rows[-1]] + here.cost_m)))
+        cost_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=0.0)[rows[-1]] + here.cost_m
+        rows.append(int(np.argmin(cost_m)))
     return rows
 
 
@@ -282,7 +302,8 @@ def _cheapest(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
     reached = candidates[0].cost_m  # (M,)
     parents: list[Indices] = []
     for before, here in pairwise(candidates):
-        paths = reached[:, None] + _transition_costs_m(before, here, cut_cost_m)  # (M, M')
+        transitions_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=_REPEAT_COST_M)
+        paths = reached[:, None] + transitions_m  # (M, M')
         parents.append(np.argmin(paths, axis=0))
         reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
     rows = [int(np.argmin(reached))]
@@ -291,12 +312,14 @@ def _cheapest(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
     return rows[::-1]
 
 
-def _transition_costs_m(before: Candidates, here: Candidates, cut_cost_m: float) -> AnyFloats:
+def _transition_costs_m(
+    before: Candidates, here: Candidates, cut_cost_m: float, *, repeat_cost_m: float
+) -> AnyFloats:
     """Cost of going from each word (M) to each of the next slot (M'), (M, M')."""
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
     is_next = (before.words[:, None] + 1 == here.words) & (before.takes[:, None] == here.takes)
-    cost_m: AnyFloats = np.sqrt(squared_distances(a, b) / n_points) + _REPEAT_COST_M * again
+    cost_m: AnyFloats = np.sqrt(squared_distances(a, b) / n_points) + repeat_cost_m * again
     cost_m += cut_cost_m * ~is_next
     return cost_m
