@@ -156,6 +156,10 @@ class Repertoire:
 
     def word_net(self) -> WordEmbedder:
         """The network that embedded the motion words. Raises `RepertoireError` if there is none."""
+        return self._word_net
+
+    @cached_property
+    def _word_net(self) -> WordEmbedder:
         from choreograph.nets.inference import WordEmbedder
 
         self._expect_vocabulary()

@@ -59,6 +59,14 @@ def test_the_word_network_reproduces_the_embeddings(path, takes):
     np.testing.assert_array_equal(vocabulary.motifs.nearest(embedded), vocabulary.word_motif)
 
 
+def test_the_word_network_is_read_once(path, monkeypatch):
+    repertoire, read = Repertoire.open(path), []
+    net = Repertoire.net
+    monkeypatch.setattr(Repertoire, "net", lambda self, name: read.append(name) or net(self, name))
+    assert repertoire.word_net() is repertoire.word_net()
+    assert read == ["words"]
+
+
 def test_a_compressed_file_keeps_every_words_motif(contents, path, takes, tmp_path):
     write_repertoire(tmp_path / "compressed.h5", contents, compress=True)
     compressed, whole = Repertoire.open(tmp_path / "compressed.h5"), Repertoire.open(path)

@@ -119,10 +119,11 @@ class Layer:
         """Number of nodes N."""
         return len(self.segment)
 
-    def subset(self, nodes: AnyInts | NDArray[np.bool_]) -> Layer:
+    def subset(self, nodes: AnyInts | NDArray[np.bool_] | slice) -> Layer:
         """The layer with some of its nodes.
 
-        `nodes` are indices (M,) or a mask (N,). Raises `ParameterError` for anything else.
+        `nodes` are indices (M,), a mask (N,), or a slice, which copies nothing. Raises `ParameterError` for
+        anything else.
         """
         try:
             if not isinstance(nodes, slice) and np.ndim(nodes) != 1:

@@ -286,11 +286,12 @@ def _continue_segments(
     best = np.full(following.n_nodes, np.inf)
     parent = np.zeros(following.n_nodes, np.int64)
     here, there = layer.successors_in(following)
+    before, after = layer.subset(here), following.subset(there)
     for start in range(0, len(here), _PAIR_BLOCK):
-        a, b = here[start : start + _PAIR_BLOCK], there[start : start + _PAIR_BLOCK]
-        edges = edge_costs(layer.subset(a), following.subset(b), costs, song_features)
-        best[b] = reached[a] + np.diagonal(edges)
-        parent[b] = a
+        block = slice(start, start + _PAIR_BLOCK)  # of which a layer is a view, without a copy
+        edges = edge_costs(before.subset(block), after.subset(block), costs, song_features)
+        best[there[block]] = reached[here[block]] + np.diagonal(edges)
+    parent[there] = here
     return best, parent
 
 
