@@ -127,9 +127,9 @@ class DanceConfig:
     engine and the mixer."""
 
     front: Front = "audience"
-    """Where the dancer faces. With "audience", the cost `front` prefers motion that faces the audience, and
-    small rotations at the joins bring the dancer back after figures that turn. "free" does without both.
-    The front of a take is the way that its dancer faces most. Used by the graph engine and the mixer."""
+    """Where the dancer faces. With "audience", the graph engine and the mixer prefer motion that faces the
+    audience, and small rotations bring the dancer of every engine back after figures that turn. "free" does
+    without both. The front of a take is the direction that its dancer faces most."""
 
     motif_draw: MotifDraw = "missing"
     """How motifs are drawn. "missing" draws motifs that the dance does not yet have as often as its
@@ -358,7 +358,7 @@ _DANCES: dict[str, dict[str, Any]] = {
         **_MOTIFS, "planner": "greedy", "blending": "linear", "lock_feet": False, "keep_on_stage": False,
         "front": "free",
     },
-    "rollout": {**_MOTIFS, "style_strength": 40.0, "style_window": "hamming"},
+    "rollout": {**_MOTIFS, "front": "free", "style_strength": 40.0, "style_window": "hamming"},
 }  # fmt: skip
 
 

@@ -15,21 +15,22 @@ _EASE_IN_S = 0.4  # from the first held pose to full speed, before that
 _EASE_OUT_S = 0.3  # from full speed to the last held pose, before the last count
 _SETTLE_S = 0.08  # the same after the last count
 REACH_S = 0.5  # largest distance of a change of takes from its second
-FIRST_HOLD_S = 0.7  # least time for which the first pose is held, including the easing
+FIRST_HOLD_S = 0.7  # least time before the first count, in which the dance sets off and prepares it
 LAST_HOLD_S = 0.3  # least time for which the last pose is held
 _STRONG = 0.3  # of the song's usual strength at beats. Weaker ones do not start or end a dance
+_GOES_ON = 0.6  # of it, from which beats after the last strong downbeat are danced, too
 _SOUNDING = 0.1  # of the strength of its strongest beats. Weaker ones do not enter the usual strength
 _BAR_OF = 4  # beats that must be strong, on average, where the dance starts
 _NEAR_FRAMES = 3  # 50 ms, within which an onset counts as on the beat
-_LONGEST_WAIT_S = 3.0  # for a downbeat, where beats are strong before it
 
 
 def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: float) -> tuple[float, float]:
     """The times of the first and the last count of a song that are danced, in seconds.
 
-    They are strong beats, on downbeats if bars are known. An introduction or an ending without beats is not
-    danced. At least 0.7 s at the beginning and 0.3 s at the end remain for the poses that are held there.
-    Without beats, the song is danced from 0 to its end.
+    They are strong beats. A dance begins with the first one, as a pick-up if it is not on a downbeat. It ends
+    on the last downbeat, or later if the song goes on at its usual strength, as in an excerpt. At least 0.7 s
+    at the beginning and 0.3 s at the end remain, in which the dance sets off and holds its last pose. An
+    introduction or an ending without beats is not danced. A song without beats is danced from 0 to its end.
     """
     beats = np.flatnonzero((counts.times_s >= FIRST_HOLD_S) & (counts.times_s <= duration_s - LAST_HOLD_S))
     if len(beats) < 2 * _BAR_OF:
@@ -41,13 +42,9 @@ def dance_span_s(counts: Counts, log_mel: NDArray[np.floating], duration_s: floa
     ahead = np.convolve(np.minimum(strength, usual), np.ones(_BAR_OF) / _BAR_OF)
     starts = np.flatnonzero((ahead[_BAR_OF - 1 : len(beats)] >= enough) & (strength[: 1 - _BAR_OF] >= enough))
     ends = np.flatnonzero(strength >= enough)
-    first, last = (starts[0] if len(starts) else 0), ends[-1]
-    on_downbeat = counts.numbers[beats] == 1
-    waited = [i for i in range(first, len(beats)) if on_downbeat[i]]
-    if waited and counts.times_s[beats[waited[0]]] - counts.times_s[beats[first]] <= _LONGEST_WAIT_S:
-        first = waited[0]
-    closing = [i for i in ends if on_downbeat[i]]
-    last = closing[-1] if closing else last
+    first = starts[0] if len(starts) else 0
+    closes = ends[(counts.numbers[beats[ends]] == 1) | (strength[ends] >= _GOES_ON * usual)]
+    last = closes[-1] if len(closes) else ends[-1]
     if last - first < _BAR_OF:
         return 0.0, duration_s
     return float(counts.times_s[beats[first]]), float(counts.times_s[beats[last]])

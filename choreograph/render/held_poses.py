@@ -25,8 +25,8 @@ from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 
 _BREATHS_HZ = 0.31, 0.42  # while waiting, and out of breath at the end
 _BREATH_RAD = 0.04  # how far the chest rises
-_SWAYS_HZ = 0.23, 0.31  # of the weight to the side and to the front: never at rest in both
-_SWAYS_M = 0.04, 0.02
+_SWAYS_HZ = 0.31, 0.43  # of the weight to the side and to the front: never at rest in both
+_SWAYS_M = 0.06, 0.03
 _KNEES_M = 0.012  # how far the knees give way where the weight is on one side
 _ARMS_RAD = 0.04  # how far the arms give way to the breath
 _LIFTED_M = 0.03  # a foot that is higher is put down

@@ -207,16 +207,21 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
 
 
 def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
-    """The motion with the held poses and amplitudes of its plan, and with its feet locked.
+    """The motion with the amplitudes and held poses of its plan, and with its feet locked.
 
-    The contacts are those before the amplitudes, because a smaller step may not leave the floor.
+    A held pose breathes as much in a soft part of the song as in a loud one. The contacts are those without
+    amplitudes, because a smaller step may not leave the floor.
     """
-    motion = hold_ends(motion, plan.opening_s, plan.closing_s)
-    motion = hold_stops(motion, plan.stops_s, STOP_EASE_S)
-    sized = with_amplitudes(motion, plan.amplitudes)
-    return (
-        lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, motion) if plan.lock_feet else sized
-    )
+
+    def held(whole: Motion) -> Motion:
+        whole = hold_ends(whole, plan.opening_s, plan.closing_s)
+        return hold_stops(whole, plan.stops_s, STOP_EASE_S)
+
+    sized = held(with_amplitudes(motion, plan.amplitudes))
+    if not plan.lock_feet:
+        return sized
+    touching = held(motion) if plan.amplitudes else sized
+    return lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, touching)
 
 
 def lock_feet_at_joins(

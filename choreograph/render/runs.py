@@ -24,26 +24,28 @@ from choreograph.motion.skeleton import Skeleton
 
 STAGE_RADIUS_M = 2.0  # steering to the middle grows from none at half this distance to its maximum here
 _TRAVEL_M = 0.1  # shorter paths have no direction
-MAX_STEER_RAD = 0.25  # per transition or word, 14°, which moves the feet by about 3 cm
+MAX_STEER_RAD = 0.25  # per transition, 14°, which moves the feet by about 3 cm
 
 
-def steer_rad(pos_m: Floats, travel_m: Floats, turned_rad: float = 0.0) -> float:
-    """Extra rotation at a position (3,) for the path (3,) ahead, from -`MAX_STEER_RAD` to `MAX_STEER_RAD`.
+def steer_rad(
+    pos_m: Floats, travel_m: Floats, turned_rad: float = 0.0, *, most_rad: float = MAX_STEER_RAD
+) -> float:
+    """Extra rotation at a position (3,) for the path (3,) ahead, from -`most_rad` to `most_rad`.
 
     It brings a dancer who is turned by `turned_rad` from where its take faces the audience back to the front.
     What is left of it bends the path towards the middle of the stage. Without it, takes that all lead forward
     would leave the stage. Far from the stage, the path comes first. The transition smooths the rotation.
     """
-    front = np.clip((np.pi - turned_rad) % (2 * np.pi) - np.pi, -MAX_STEER_RAD, MAX_STEER_RAD)
+    front = np.clip((np.pi - turned_rad) % (2 * np.pi) - np.pi, -most_rad, most_rad)
     if np.linalg.norm(travel_m) < _TRAVEL_M:
         return float(front)
     home, ahead = np.arctan2(-pos_m[0], -pos_m[2]), np.arctan2(travel_m[0], travel_m[2])
     off = (home - ahead + np.pi) % (2 * np.pi) - np.pi
     radii = float(np.linalg.norm(pos_m)) / STAGE_RADIUS_M
     need, far = np.clip(2.0 * radii - 1.0, 0.0, 1.0), np.clip(0.5 * radii - 1.0, 0.0, 1.0)
-    left = MAX_STEER_RAD - abs(front)
+    left = most_rad - abs(front)
     near_rad = front + need * np.clip(off - front, -left, left)
-    return float((1.0 - far) * near_rad + far * np.clip(off, -MAX_STEER_RAD, MAX_STEER_RAD))
+    return float((1.0 - far) * near_rad + far * np.clip(off, -most_rad, most_rad))
 
 
 # Runs: parts of takes with their time in the dance, without a transition inside.

@@ -7,6 +7,7 @@ import pytest
 
 import choreograph as cg
 from choreograph.choreography.graph import engine
+from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_words
 from choreograph.evaluation.metrics import front
 from choreograph.motion.body import body_pos_m
 
@@ -44,3 +45,31 @@ def test_a_dance_to_the_front_ends_there_and_shows_the_back_less_than_a_free_one
     }
     assert faces["audience"]["ends_to_front"] == 1.0
     assert faces["audience"]["turned_away_share"] <= 0.05 < faces["free"]["turned_away_share"]
+
+
+@pytest.mark.parametrize("engine", ["mixer", "rollout"])
+def test_other_engines_face_the_audience_more_than_free_dances(engine):
+    faces = {}
+    for setting in ("audience", "free"):
+        of_seeds = []
+        for seed in (0, 1):
+            dance = cg.dance(
+                cg.example_songs()["waltz"], duration_s=16, engine=engine, front=setting, seed=seed
+            )
+            assert dance.plan.front == setting
+            of_seeds.append(front.evaluate(body_pos_m(dance.motion), dance.motion.fps))
+        faces[setting] = {name: np.mean([face[name] for face in of_seeds]) for name in of_seeds[0]}
+    assert faces["audience"]["last_heading_deg"] < faces["free"]["last_heading_deg"] - 15.0
+    assert faces["audience"]["turned_away_share"] < faces["free"]["turned_away_share"] + 0.01
+
+
+def test_words_are_chosen_that_lead_to_the_front():
+    """Of two words that fit nearly equally, one ends with the back to the audience."""
+    poses = np.zeros((2, 3, 3, 21, 3))
+    takes = np.arange(3)
+    headings_rad = np.array([[0.0, 0.0, 0.0], [0.0, np.pi / 2, np.pi], [0.0, 0.1, 0.2]])
+    here = Candidates(np.array([0, 2, 4]), takes, np.array([0.1, 0.0, 0.05]), *poses, headings_rad)
+    slots = [here.without(2, 4), here.without(0)]
+    for search in SEARCHES:
+        assert search_words(slots, search=search).tolist() == [0, 2]
+        assert search_words(slots, search=search, last_slot=1).tolist() == [0, 4]

@@ -9,6 +9,7 @@ from choreograph.choreography.rollout.generation import MotifSequence, generate_
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.library.words import segment_words
+from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.configs import rollout_config
@@ -74,15 +75,29 @@ def test_rotations_are_unit_and_contacts_are_probabilities(untrained):
     assert contacts.shape == (len(rows), 2) and contacts.min() >= 0 and contacts.max() <= 1
 
 
-def test_a_dance_that_walks_away_is_steered_back():
+@pytest.mark.parametrize("to_front", [True, False])
+def test_a_dance_that_walks_away_is_steered_back(to_front):
     poses = to_poses(synthetic_motion(np.zeros(120, int)))  # a minute
     poses[:, 1] = 0.6 / ROLLOUT_FPS  # straight ahead
     bounds = np.arange(0.0, 60.1, 0.5)
     walk = MotifSequence(bounds[:-1], bounds[1:], np.zeros((120, 184)), *np.zeros((2, 1800, 4)), None)
     skeleton = synthetic_motion(np.zeros(2, int)).skeleton
     away = np.linalg.norm(to_motion(poses, skeleton).root_pos_m[:, [0, 2]], axis=1).max()
-    home = np.linalg.norm(generation._on_stage(poses, walk, skeleton).root_pos_m[:, [0, 2]], axis=1).max()
-    assert away > 30 and home < 4
+    steered = generation._on_stage(poses, walk, skeleton, to_front=to_front)
+    home = np.linalg.norm(steered.root_pos_m[:, [0, 2]], axis=1).max()
+    assert away > 30 and home < (8 if to_front else 4)
+
+
+def test_a_dance_that_is_turned_is_steered_to_the_front():
+    poses = to_poses(synthetic_motion(np.zeros(12, int)))
+    poses[:, 1] = 0.0
+    poses[:60, 3] = np.pi / 2 / 60  # a quarter turn in two seconds
+    bounds = np.arange(0.0, 6.1, 0.5)
+    given = MotifSequence(bounds[:-1], bounds[1:], np.zeros((12, 184)), *np.zeros((2, 180, 4)), None)
+    skeleton = synthetic_motion(np.zeros(2, int)).skeleton
+    for to_front, least, most in ((True, 0.0, 0.1), (False, 1.4, 2.0)):
+        turned = generation._on_stage(poses, given, skeleton, to_front=to_front)
+        assert least <= abs(rot.yaw(turned.local_quat[-1, 0])) < most
 
 
 def test_impossible_requests_are_refused_in_one_line(untrained):

@@ -11,6 +11,7 @@ from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.danced_span import (
     FIRST_HOLD_S,
+    LAST_HOLD_S,
     REACH_S,
     coming_to_rest_s,
     dance_span_s,
@@ -43,22 +44,29 @@ def tracked(*, first_s: float = 0.25, first: int = 1, metre: int = 4, period_s: 
 
 
 @pytest.mark.parametrize("first_sound_s", [8.0, 16.0, 19.0])
-def test_silence_is_waited_through_and_a_dance_closes_on_its_last_strong_downbeat(first_sound_s):
+def test_silence_at_both_ends_is_not_danced(first_sound_s):
     counts = tracked()
     sounding = counts.times_s[(counts.times_s > first_sound_s) & (counts.times_s < 22.4)]
     opening_s, closing_s = dance_span_s(counts, clicks_mel(sounding), DURATION_S)
-    downbeats_s = counts.downbeat_times_s
-    assert opening_s == downbeats_s[downbeats_s > first_sound_s][0]
-    assert closing_s == downbeats_s[downbeats_s < 22.4][-1]
+    assert (opening_s, closing_s) == (sounding[0], sounding[-1])
 
 
 @pytest.mark.parametrize("first", [1, 2, 3, 4])
-def test_a_dance_starts_and_closes_on_downbeats(first):
+def test_a_song_that_sounds_from_end_to_end_is_danced_from_its_first_count_to_its_last(first):
     counts = tracked(first=first)
     span_s = dance_span_s(counts, clicks_mel(counts.times_s), DURATION_S)
-    assert set(span_s) <= set(counts.downbeat_times_s)
-    assert span_s[0] == counts.downbeat_times_s[counts.downbeat_times_s >= FIRST_HOLD_S][0]
-    assert span_s[1] == counts.downbeat_times_s[counts.downbeat_times_s <= DURATION_S - 0.3][-1]
+    assert span_s[0] == counts.times_s[counts.times_s >= FIRST_HOLD_S][0]
+    assert span_s[1] == counts.times_s[counts.times_s <= DURATION_S - LAST_HOLD_S][-1]
+
+
+def test_a_dance_closes_on_the_last_strong_downbeat_if_the_beats_after_it_fade():
+    counts = tracked()
+    last_s = counts.downbeat_times_s[counts.downbeat_times_s < 25.0][-1]
+    loudness = np.where(counts.times_s <= last_s, 0.6, 0.002)  # less than half of the strength
+    for fades in (True, False):
+        clicks = clicks_mel(counts.times_s, loudness=loudness if fades else 0.6)
+        _, closing_s = dance_span_s(counts, clicks, DURATION_S)
+        assert (closing_s == last_s) == fades
 
 
 def test_without_bars_a_dance_starts_and_closes_on_beats():
@@ -74,20 +82,11 @@ def test_one_bang_in_the_introduction_is_no_start():
     assert opening_s > 7.0
 
 
-def test_a_downbeat_too_far_away_is_not_waited_for():
-    """Bars of twelve: up to 3 s are waited, not 5."""
-    for first, waits in ((9, True), (3, False)):
-        counts = tracked(first=first, metre=12)
-        opening_s, _ = dance_span_s(counts, clicks_mel(counts.times_s), DURATION_S)
-        strong_s = counts.times_s[counts.times_s >= FIRST_HOLD_S][0]
-        assert opening_s == (counts.downbeat_times_s[0] if waits else strong_s)
-
-
 def test_soft_beats_do_not_end_a_dance():
     counts = tracked()
     loudness = np.where(counts.times_s < 20.0, 0.6, 0.001)
     _, closing_s = dance_span_s(counts, clicks_mel(counts.times_s, loudness=loudness), DURATION_S)
-    assert closing_s == counts.downbeat_times_s[counts.downbeat_times_s < 20.0][-1]
+    assert closing_s == counts.times_s[counts.times_s < 20.0][-1]
 
 
 @pytest.mark.parametrize("counts", [NO_COUNTS, tracked().within(0.0, 4.0), tracked().within(0.0, 1.0)])

@@ -86,7 +86,7 @@ TABLE = {
     "hold_ends": (ALL, False, {}),
     "dynamics": (ALL, 0.0, {}),
     "keep_on_stage": (TAKES, False, {"costs": (Hop(),)}),
-    "front": (TAKES, "free", {}),
+    "front": (ALL, "free", {}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
     "phrase_counts": ({"mixer", "rollout"}, 1, {}),
     "style_strength": ({"rollout"}, 9.0, {}),

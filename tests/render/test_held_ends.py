@@ -57,7 +57,7 @@ def test_held_poses_breathe_and_shift_their_weight_over_feet_that_stay():
     assert frozen_ends_share(body, FPS) < 0.15 < 0.5 < frozen_ends_share(_frozen(3.0, 5.0), FPS)
     speed = np.linalg.norm(np.diff(body, axis=0), axis=-1) * FPS  # (T - 1, 21)
     for part in (slice(0, round(1.9 * FPS)), slice(round(5.2 * FPS), None)):
-        assert np.median(speed[part].mean(axis=1)) > 0.02 and speed[part].max() < 0.25
+        assert np.median(speed[part].mean(axis=1)) > 0.05 and speed[part].max() < 0.25
         assert np.ptp(body[part][:, FEET], axis=0).max() < 0.012
         assert np.ptp(body[part][:, 0], axis=0)[[0, 2]].max() > 0.02  # the pelvis
 

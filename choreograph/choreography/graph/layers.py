@@ -242,11 +242,10 @@ class Layer:
         if before.second == self.second:
             return self
         turn_rad = before.turn_rad[row]
-        joined_rad = turn_rad + before.join_heading_rad[row, 1] - self.join_heading_rad[:, 0]
-        joined_rad = (joined_rad + np.pi) % (2 * np.pi) - np.pi
-        joined_rad -= np.clip(joined_rad, -self.steer_rad, self.steer_rad)
+        ends_rad, starts_rad = before.join_heading_rad[row, 1], self.join_heading_rad[:, 0]
+        joined = joined_rad(turn_rad, ends_rad, starts_rad, self.steer_rad)
         continues = before.next_part[row] == self.part
-        return changed_layer(self, turn_rad=np.where(continues, turn_rad, joined_rad))
+        return changed_layer(self, turn_rad=np.where(continues, turn_rad, joined))
 
     @property
     def part(self) -> AnyInts:
@@ -276,6 +275,23 @@ class Layer:
 
 _OF_ALL_NODES = ("second", "bank", "new_goal", "moments", "returns", "steer_rad")
 _ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
+
+
+def facing(heading_rad: AnyFloats) -> AnyFloats:
+    """Means (N, 4) over time of cos h, sin h, cos 2h and sin 2h of the headings (N, F)."""
+    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
+    means = [cosine, sine, 2.0 * cosine**2 - 1.0, 2.0 * sine * cosine]
+    return np.stack([mean.mean(axis=1) for mean in means], axis=1)
+
+
+def joined_rad(turn_rad: AnyFloats, end_rad: AnyFloats, start_rad: AnyFloats, steer_rad: float) -> AnyFloats:
+    """The rotations (N,) of takes that begin at the headings at which others end, steered towards 0.
+
+    The others end at `end_rad` in their takes, which are rotated by `turn_rad`. The takes begin at
+    `start_rad`, and are steered by at most `steer_rad`.
+    """
+    joined: AnyFloats = (turn_rad + end_rad - start_rad + np.pi) % (2 * np.pi) - np.pi
+    return joined - np.clip(joined, -steer_rad, steer_rad)
 
 
 def positions(layer: Layer, share: float) -> AnyFloats:

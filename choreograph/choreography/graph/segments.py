@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.layers import Layer, Moments, PoseBank, changed_layer, one_per_time_map
+from choreograph.choreography.graph.layers import (
+    Layer,
+    Moments,
+    PoseBank,
+    changed_layer,
+    facing,
+    one_per_time_map,
+)
 from choreograph.choreography.graph.warp_kernels import segment_beats
 from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
@@ -365,7 +372,7 @@ class LayerSource:
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],
             heading_rad=headings,
             join_heading_rad=borders.heading_rad[:, offset : offset + 2],
-            facing=_facing(headings),
+            facing=facing(headings),
             turn_rad=np.zeros(len(clip)),
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             steps=clips.steps[clip],
@@ -384,10 +391,3 @@ class LayerSource:
 def _repeated(row: AnyFloats, n_nodes: int) -> AnyFloats:
     """A row (M,) for every node, (N, M), which is not copied."""
     return np.broadcast_to(row, (n_nodes, len(row)))
-
-
-def _facing(heading_rad: AnyFloats) -> AnyFloats:
-    """Means (N, 4) over time of cos h, sin h, cos 2h and sin 2h of the headings (N, F)."""
-    cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
-    means = [cosine, sine, 2.0 * cosine**2 - 1.0, 2.0 * sine * cosine]
-    return np.stack([mean.mean(axis=1) for mean in means], axis=1)

@@ -33,6 +33,7 @@ from choreograph.core.numerics import Indices
 from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
+from choreograph.music.danced_span import held_times_s
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import render_from, take_motions
 from choreograph.render.runs import RecentRuns
@@ -144,7 +145,9 @@ def mix(request: DanceRequest) -> MixedDance:
     best: MixedDance | None = None
     rounds = 0
     while True:
-        words = search_words(candidates, search=config.planner, cut_cost_m=cut_cost_m)
+        words = search_words(
+            candidates, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request)
+        )
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
         mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
@@ -157,6 +160,15 @@ def mix(request: DanceRequest) -> MixedDance:
             return best
         locked.update(mixed.broken)
         candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
+
+
+def _last_slot(request: DanceRequest) -> int | None:
+    """The slot at whose end the last pose of the dance is, or None if words are chosen without the front."""
+    if request.config.front != "audience" or request.config.planner == "greedy":
+        return None
+    opening_s, closing_s = request.danced_span_s
+    held_s = held_times_s(opening_s, closing_s)[1]
+    return int(np.abs(request.constraints.bounds_s[1:] - held_s).argmin())
 
 
 def _rendered(

@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.choreography.graph.cost import turned_costs
+from choreograph.choreography.graph.layers import facing, joined_rad
 from choreograph.choreography.motif_sequences import (
     bar_positions,
     word_positions,
@@ -21,9 +23,10 @@ from choreograph.core.timebase import NET_FPS, WORD_FRAMES
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import poses_at
-from choreograph.motion.body import clips_to_root_frame
+from choreograph.motion.body import clips_to_root_frame, heading_rad
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.plan import PlannedWord
+from choreograph.render.runs import MAX_STEER_RAD
 
 # The features of words that the mixer compares: poses at their borders, and their motif margin.
 
@@ -32,6 +35,7 @@ from choreograph.plan import PlannedWord
 # the first three of a word and the last three of the word before.
 AROUND_S = np.array([-1.0, 0.0, 1.0]) / NET_FPS
 INSIDE_S = np.array([[0.0, 1.0, 2.0], [-2.0, -1.0, 0.0]]) / NET_FPS
+_THIRDS = np.array([0.0, 0.5, 1.0])  # of a word, where its heading is read
 
 
 class WordBank:
@@ -67,6 +71,11 @@ class WordBank:
         poses = self._poses_m(words, bounds_s[..., None] + speed[..., None] * self.border_s)
         poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
         return poses[:, 0], poses[:, 1]
+
+    def headings_rad(self, words: Indices) -> AnyFloats:
+        """Headings (M, 3) of the body at the start, in the middle and at the end of words (M,)."""
+        bounds_s = self.bounds_s[words]
+        return heading_rad(self._poses_m(words, bounds_s[:, :1] + _THIRDS * np.diff(bounds_s, axis=1)))
 
     def motif_margin_m(self, words: Indices) -> AnyFloats:
         """Motif margin of each word (M,): how much nearer its motif is than any other, or negative if not."""
@@ -141,6 +150,7 @@ class Candidates:
     cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance. inf excludes the word
     first_m: AnyFloats  # (M, 3, 21, 3) the poses around its start, in the root frame
     last_m: AnyFloats  # (M, 3, 21, 3) the poses around its end
+    heading_rad: AnyFloats | None = None  # (M, 3) at start, middle and end, from the front of its take
 
     @property
     def any_left(self) -> bool:
@@ -220,7 +230,9 @@ class CandidatePool:
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
         cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
-        return Candidates(words, v.word_take[words], cost, *borders_m)
+        takes = v.word_take[words]
+        headings_rad = self.bank.headings_rad(words) - self.repertoire.clip_motion.fronts_rad[takes, None]
+        return Candidates(words, takes, cost, *borders_m, headings_rad)
 
     def motif_allowed(self) -> NDArray[np.bool_]:
         """Motifs (K,) that are not banned and have a word that may be danced."""
@@ -265,16 +277,26 @@ def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
 
 SEARCHES = ("exact", "greedy")
 _REPEAT_COST_M = 0.15  # of an immediate repeat of a word, in metres of joint distance
+_AWAY_COST_M = 0.3  # of a word with the back to the audience, ((1 - cos) / 2)² of its headings
+_TURNED_TAKE_M = 0.3  # of 1 - cos of the rotation at which a take is entered
+_WORDS_OF_ALL_TAKES = 1 << 32
+_LAST_POSE_M = 1.0  # of 1 - cos of the heading of the last pose
 
 
 def search_words(
-    candidates: Sequence[Candidates], *, search: str = "exact", cut_cost_m: float = 0.0
+    candidates: Sequence[Candidates],
+    *,
+    search: str = "exact",
+    cut_cost_m: float = 0.0,
+    last_slot: int | None = None,
 ) -> Indices:
     """A word for every slot, (N,): the cheapest sequence.
 
     Going from one word to the next costs the root mean square distance of their three poses at the
     transition, in metres, and `cut_cost_m` more if it is not the word that follows in the take. Unless the
-    search is greedy, it costs more if it is the same word again.
+    search is greedy, it costs more if it is the same word again. If `last_slot` is given, headings away from
+    the audience have a cost, too. They are followed along the cheapest path to each word, as by the cost
+    `front` of the graph engine. The last pose of the dance is that at the end of `last_slot`.
 
     Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
     forbidden.
@@ -286,30 +308,33 @@ def search_words(
             raise NoPathError(f"every word of slot {slot} of the dance is forbidden")
     if not candidates:
         return np.zeros(0, np.int64)
-    rows = (_greedy if search == "greedy" else _cheapest)(candidates, cut_cost_m)
-    return np.array([here.words[row] for here, row in zip(candidates, rows, strict=True)])
-
-
-def _greedy(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
-    rows = [int(np.argmin(candidates[0].cost_m))]
-    for before, here in pairwise(candidates):
-        cost_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=0.0)[rows[-1]] + here.cost_m
-        rows.append(int(np.argmin(cost_m)))
-    return rows
-
-
-def _cheapest(candidates: Sequence[Candidates], cut_cost_m: float) -> list[int]:
-    reached = candidates[0].cost_m  # (M,)
+    first = candidates[0]
+    reached = first.cost_m  # (M,)
+    turn_rad: AnyFloats = np.zeros(len(first.words))  # of each word's take, along the cheapest path to it
     parents: list[Indices] = []
-    for before, here in pairwise(candidates):
-        transitions_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=_REPEAT_COST_M)
-        paths = reached[:, None] + transitions_m  # (M, M')
+    repeat_cost_m = 0.0 if search == "greedy" else _REPEAT_COST_M
+    for slot, (before, here) in enumerate(pairwise(candidates), start=1):
+        if search == "greedy":  # one word is left, the cheapest
+            reached = np.where(np.arange(len(reached)) == np.argmin(reached), reached, np.inf)
+        edges_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=repeat_cost_m)
+        if last_slot is not None:
+            edges_m += _front_costs_m(before, here, turn_rad, is_last=slot == last_slot)
+        paths = reached[:, None] + edges_m  # (M, M')
         parents.append(np.argmin(paths, axis=0))
         reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
+        if last_slot is not None:
+            turn_rad = _turned_rad(before, here, turn_rad, parents[-1])
     rows = [int(np.argmin(reached))]
     for parent in reversed(parents):
         rows.append(int(parent[rows[-1]]))
-    return rows[::-1]
+    return np.array([here.words[row] for here, row in zip(candidates, rows[::-1], strict=True)])
+
+
+def _follows(before: Candidates, here: Candidates) -> NDArray[np.bool_]:
+    """Which words of a slot (M') are the next in its take of each word of the slot before (M), (M, M')."""
+    following: NDArray[np.bool_] = before.words[:, None] + 1 == here.words
+    same_take: NDArray[np.bool_] = before.takes[:, None] == here.takes
+    return following & same_take
 
 
 def _transition_costs_m(
@@ -319,7 +344,35 @@ def _transition_costs_m(
     a, b = before.last_m.reshape(len(before.words), -1), here.first_m.reshape(len(here.words), -1)
     n_points = a.shape[1] // 3
     again = before.words[:, None] == here.words
-    is_next = (before.words[:, None] + 1 == here.words) & (before.takes[:, None] == here.takes)
     cost_m: AnyFloats = np.sqrt(squared_distances(a, b) / n_points) + repeat_cost_m * again
-    cost_m += cut_cost_m * ~is_next
+    cost_m += cut_cost_m * ~_follows(before, here)
     return cost_m
+
+
+# Headings are those of the dance: takes are joined at the heading of the word before, and steered back.
+
+
+def _front_costs_m(before: Candidates, here: Candidates, turn_rad: AnyFloats, *, is_last: bool) -> AnyFloats:
+    """Cost (M, M') of the headings of words after those of the slot before, danced at `turn_rad` (M,)."""
+    assert before.heading_rad is not None and here.heading_rad is not None
+    series = _AWAY_COST_M * facing(here.heading_rad) * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
+    constant = _AWAY_COST_M * 3 / 8
+    if is_last:
+        last_rad = here.heading_rad[:, -1]
+        series[:, :2] += _LAST_POSE_M * np.stack([-np.cos(last_rad), np.sin(last_rad)], axis=1)
+        constant += _LAST_POSE_M
+    costs_m: AnyFloats = turned_costs(
+        turn_rad, before.heading_rad[:, -1], here.heading_rad[:, 0], MAX_STEER_RAD,
+        before.takes * _WORDS_OF_ALL_TAKES + before.words + 1, here.takes * _WORDS_OF_ALL_TAKES + here.words,
+        series, constant, _TURNED_TAKE_M,
+    )  # fmt: skip
+    return costs_m
+
+
+def _turned_rad(before: Candidates, here: Candidates, turn_rad: AnyFloats, parent: Indices) -> AnyFloats:
+    """The rotation of each word's take (M',) after its `parent` (M',), which is danced at `turn_rad` (M,)."""
+    assert before.heading_rad is not None and here.heading_rad is not None
+    kept = turn_rad[parent]
+    joined = joined_rad(kept, before.heading_rad[parent, -1], here.heading_rad[:, 0], MAX_STEER_RAD)
+    continues = (before.words[parent] + 1 == here.words) & (before.takes[parent] == here.takes)
+    return np.where(continues, kept, joined)

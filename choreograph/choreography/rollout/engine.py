@@ -47,7 +47,9 @@ class RolloutEngine:
     """A network's motion (Rhythm is a Dancer, section 4)."""
 
     name = "rollout"
-    settings = frozenset({"motif_draw", "phrase_counts", "style_song", "style_strength", "style_window"})
+    settings = frozenset(
+        {"front", "motif_draw", "phrase_counts", "style_song", "style_strength", "style_window"}
+    )
 
     def check(
         self,
@@ -297,6 +299,7 @@ def _generated(
     net = net.with_style(config.style_strength, config.style_window)
     return generate_motion(
         net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        to_front=config.front == "audience",
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=substage(report, "dancing"),
     )  # fmt: skip

@@ -27,7 +27,8 @@ SEED_FRAMES = 15  # recorded poses before the first generated one, as in the pap
 _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
 SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts add no motion beats
-STEER_FRAMES = 2 * ROLLOUT_FPS  # the direction of travel is that of the next two seconds
+STEER_FRAMES = 2 * ROLLOUT_FPS  # path and heading ahead are those of the next two seconds
+_MAX_STEER_RAD = 0.4  # per word, over all of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,7 @@ def generate_motion(
     seed_motion: Motion,
     *,
     fps: float,
+    to_front: bool = True,
     held: HeldPoses | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Motion:
@@ -74,16 +76,17 @@ def generate_motion(
     seed_motion : two frames or more of recorded motion at 30 fps that leads up to the first word. The last 15
         frames initialise the network's state and are not part of the dance.
     fps : of the dance
+    to_front : whether the dancer is steered back to face the audience
     held : poses of another dance to the song, which is continued
 
-    Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the path is
-    steered back if it leaves the stage. Feet are locked if the network predicts contact and they nearly stand
-    (`motion.foot_locking`).
+    Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the dancer is
+    steered to the front, and the path back if it leaves the stage. Feet are locked if the network predicts
+    contact and they nearly stand (`motion.foot_locking`).
 
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """
     poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
-    motion = _on_stage(poses, sequence, seed_motion.skeleton)
+    motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
     locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
@@ -141,8 +144,13 @@ def check_skeleton(net: RolloutNet, skeleton: Skeleton) -> None:
         )
 
 
-def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton) -> Motion:
-    """The motion of pose rows (T, P), smoothed, and steered back to the stage word by word."""
+def _on_stage(
+    poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton, *, to_front: bool
+) -> Motion:
+    """The motion of pose rows (T, P), smoothed, and steered to the front and to the stage word by word.
+
+    The heading that is steered to the front is the mean of the next two seconds, so that figures may turn.
+    """
     rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
     rows[:, 3] = gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
@@ -152,9 +160,12 @@ def _on_stage(poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Ske
         before = max(first - 1, 0)
         ahead = rows[before : max(stop, first + STEER_FRAMES)]
         travel = to_motion(ahead, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        faces = heading + np.cumsum(ahead[1:, 3])
+        turned = float(np.arctan2(np.sin(faces).sum(), np.cos(faces).sum())) if to_front else 0.0
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0
-        rows[before:stop, 3] += steer_rad(position, travel) * window / max(window.sum(), 1e-9)
+        steered_rad = steer_rad(position, travel, turned, most_rad=_MAX_STEER_RAD)
+        rows[before:stop, 3] += steered_rad * window / max(window.sum(), 1e-9)
         steered = to_motion(rows[before:stop], skeleton, heading_rad=heading)
         position = position + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
         heading += float(rows[before + 1 : stop, 3].sum())
