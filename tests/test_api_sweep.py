@@ -156,6 +156,9 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Keep": sound(cg.Keep, start_s=0.0, end_s=1.0),
         "Layer": sound(cg.Layer, **values_of(layer)),
         "Layer.subset": sound(layer.subset, nodes=np.array([0])),
+        "Layer.poses_m": sound(layer.poses_m, shares=(0.0, 1.0)),
+        "Layer.headings_rad": sound(layer.headings_rad, shares=(0.5,)),
+        "Layer.travel_m": sound(layer.travel_m, shares=(0.5, 1.0)),
         "Layer.successors_in": sound(layer.successors_in, following=t.next_layer),
         "Layer.with_motif_counts": sound(layer.with_motif_counts, counts_before=layer.motif_counts),
         "Layer.with_danced": sound(layer.with_danced, danced_before=layer.danced),
@@ -205,6 +208,8 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Song": sound(cg.Song, samples=np.zeros(100), name="quiet"),
         "Song.part": sound(t.song.part, start_s=0.5),
         "SongFeatures": sound(cg.SongFeatures, **values_of(t.features)),
+        "SongFeatures.section_at": sound(t.features.section_at, second=1),
+        "SongFeatures.phrase_at": sound(t.features.phrase_at, second=1),
         "Take": sound(cg.Take, **values_of(t.take)),
         "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
     }  # fmt: skip
