@@ -40,8 +40,8 @@ class Session:
 
     `dance` returns what `choreograph.dance` returns for the song and the repertoire of the session, to the
     byte. It is faster from the second dance on, because the session keeps what the dances have in common:
-    the decoded song and its analysis, the warped takes, the layers of the graph, and parts of the search and
-    of the motion. A change computes only what depends on it.
+    the decoded song and its analysis, and in the graph engine the warped takes and the layers of every
+    second. The search and the rendering are made again for every dance.
 
     A session keeps at most 512 MB of such values, beside the song and what the repertoire keeps of its file.
     Values that were not used for longest are removed first.
