@@ -28,6 +28,7 @@ import soundfile
 
 import choreograph as cg
 from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.counts import Counts
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import contact_scores, counts, frechet, front, physical, returns
@@ -57,9 +58,9 @@ def true_form(audio: FormAudio) -> Form:
     return Form(tuple(phrases))
 
 
-def measured(dance: cg.Dance, repertoire: cg.Repertoire, audio: FormAudio) -> Row:
-    """Scores of one dance."""
-    form, plan = true_form(audio), dance.plan
+def measured(dance: cg.Dance, repertoire: cg.Repertoire, form: Form, true: Counts) -> Row:
+    """Scores of one dance, by the true phrases and counts of its song."""
+    plan = dance.plan
     blocks = plan.blocks
     takes = [block.planned.take for block in blocks]
     pieces_s = np.array([(b.start_s, b.end_s, b.source_start_s, b.source_end_s) for b in blocks])
@@ -68,7 +69,7 @@ def measured(dance: cg.Dance, repertoire: cg.Repertoire, audio: FormAudio) -> Ro
         phrases_s=np.array([(phrase.start_s, phrase.end_s) for phrase in form.phrases]), labels=form.labels,
     )  # fmt: skip
     placed = danced_counts(plan, repertoire)
-    pair = (placed.times_s, placed.numbers, audio.counts.times_s, audio.counts.numbers)
+    pair = (placed.times_s, placed.numbers, true.times_s, true.numbers)
     joins_s = np.array([run.start_s for run in plan_runs(plan)[1:]])
     borders_s = np.array([phrase.start_s for phrase in form.phrases])
     row["change_every_s"] = plan.duration_s / (len(joins_s) + 1)
@@ -104,7 +105,7 @@ def dances(
                     started = time.perf_counter()
                     dance = cg.dance(path, repertoire, seed=seed, weights={"form": weight})
                     took = {"dance_took_s": time.perf_counter() - started}
-                    row = measured(dance, repertoire, audio) | took
+                    row = measured(dance, repertoire, true_form(audio), audio.counts) | took
                     rows[-1].append((row, dance.motion.resampled(NET_FPS)))
     return rows
 

@@ -3,7 +3,8 @@
 Rhythm is a Dancer draws motif after motif. Neighbours are then as in the takes, but sequences of four or
 more motifs seldom are. A passage is a run of consecutive words of a take. It begins at the start of a bar and
 lasts about `phrase_counts` counts. A dance is one passage after another, within the phrases of the song. A
-phrase that returns in the song returns in the dance, if the signature still lacks its motifs.
+passage of a phrase that returns in the song is drawn for all its times at once, and returns in the dance. The
+last one may be another one, if the signature lacks its motifs no longer.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ class PassageSlots:
     start: int
     stop: int  # one after the last
     place: tuple[int, int, int] | None = None  # equal where the song repeats a phrase. None outside phrases
+    ends: bool = False  # whether it is the last one of its phrase
 
     @property
     def slots(self) -> slice:
@@ -93,7 +95,7 @@ def passage_slots(
         while first < stop:
             last = passage_stop(first, stop, bars, phrase_counts)
             place = (labels[start], index, last - first) if start in labels else None
-            passages.append(PassageSlots(first, last, place))
+            passages.append(PassageSlots(first, last, place, ends=last == stop))
             first, index = last, index + 1
     return passages
 
@@ -155,7 +157,9 @@ class DancedSoFar:
     previous: int | None = None  # the motif before the passage
     following: int | None = None  # the motif after it, if it is given
     n_words: int = 0  # of this part when it is finished, for a passage that returns
+    times: int = 1  # how often the passage will be danced
     returning: Indices | None = None  # motifs (L,) of the passage where the song first had this phrase
+    may_vary: bool = False  # whether another passage may be danced instead of `returning`
 
 
 def draw_passage(
@@ -171,17 +175,17 @@ def draw_passage(
 ) -> Indices | None:
     """The motifs (L,) of a passage for L slots, or None if no run of words fits them.
 
-    A returning passage is danced again if half of its motifs or more are still lacking in the signature.
-    Otherwise, runs of words are drawn by equation 5 of Rhythm is a Dancer, as `draw_motifs` draws motifs. The
-    weight of a run is the share of its motifs that are lacking, to the power 8, times the probability of the
-    transitions to its first motif and from its last one. The other arguments are as in `TakeWords.runs` and
-    `draw_motifs`.
+    A returning passage is danced again. If it may vary, it is danced again only if half of its motifs or more
+    are still lacking in the signature. Otherwise, runs of words are drawn by equation 5 of Rhythm is a
+    Dancer, as `draw_motifs` draws motifs. The weight of a run is the share of its motifs that are lacking if
+    it is danced all its times, to the power 8 for each time, times the probability of the transitions to its
+    first motif and from its last one. The other arguments are as in `TakeWords.runs` and `draw_motifs`.
     """
     length = len(slot_position)
     again = danced.returning
     if again is not None and len(again) == length and allowed[np.arange(length), again].all():
         lacks = lacking(danced.counts, goal.signature, danced.n_words, need)
-        if _share_lacking(again[None], lacks)[0] >= _RETURNS:
+        if not danced.may_vary or _share_lacking(again[None], lacks)[0] >= _RETURNS:
             return again
     runs = words.runs(slot_position, takes, allowed)
     if len(runs) == 0:
@@ -191,8 +195,8 @@ def draw_passage(
         joins *= goal.transitions[danced.previous, runs[:, 0]] + _UNSEEN
     if danced.following is not None:
         joins *= goal.transitions[runs[:, -1], danced.following] + _UNSEEN
-    lacks = lacking(danced.counts, goal.signature, danced.counts.sum() + length, need)
-    weights = joins * _share_lacking(runs, lacks) ** _NEED_POWER
+    lacks = lacking(danced.counts, goal.signature, danced.counts.sum() + danced.times * length, need)
+    weights = joins * _share_lacking(runs, lacks / danced.times) ** (_NEED_POWER * danced.times)
     if weights.sum() <= 0:
         weights = joins
     drawn: Indices = runs[rng.choice(len(runs), p=weights / weights.sum())]
@@ -243,14 +247,15 @@ def draw_dance(
     allowed = allowed_motifs(possible, pins, banned)
     motifs = np.full(len(parts), _NO_MOTIF)
     motifs[list(pins)] = list(pins.values())
-    first_danced: dict[tuple[int, int, int], Indices] = {}
     to_draw = passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form)
     while to_draw:
         passage = to_draw.pop(0)
         here, goal = passage.slots, goals[parts[passage.start]]
         danced = _danced_so_far(passage, motifs, parts, words.vocabulary.n_motifs)
-        if passage.place is not None:
-            danced = replace(danced, returning=first_danced.get(passage.place))
+        again = [later for later in to_draw if _is_same(passage, later, parts)]
+        danced = replace(danced, times=1 + len(again), may_vary=passage.ends)
+        if passage.place is not None and (motifs[here] != _NO_MOTIF).all():
+            danced = replace(danced, returning=motifs[here])
         drawn = draw_passage(
             words, goal, danced, slot_position=position[here], takes=constraints.take_wanted[passage.start],
             allowed=allowed[here], need=config.motif_draw, rng=rng,
@@ -260,10 +265,16 @@ def draw_dance(
             continue
         if drawn is None:
             drawn = _single_motif(goal, danced, allowed[here], config.motif_draw, rng)
-        motifs[here] = drawn
-        if passage.place is not None:
-            first_danced.setdefault(passage.place, drawn)
+        for same in (passage, *again):
+            if allowed[same.slots][np.arange(len(drawn)), drawn].all():
+                motifs[same.slots] = drawn
     return motifs
+
+
+def _is_same(passage: PassageSlots, other: PassageSlots, parts: Indices) -> bool:
+    """Whether the song has the same part of a phrase in both, in one part of the dance."""
+    same_part = bool(parts[passage.start] == parts[other.start])
+    return passage.place is not None and passage.place == other.place and same_part
 
 
 def _danced_so_far(passage: PassageSlots, motifs: Indices, parts: Indices, n_motifs: int) -> DancedSoFar:
