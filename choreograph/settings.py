@@ -43,7 +43,7 @@ TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 DEFAULT_WEIGHTS = {
     "style": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "front": 3.0, "seed": 0.6, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
-    "accents": 0.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0, "form": 4.0,
+    "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0, "form": 4.0,
 }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import (
     BUILTIN_COSTS,
     Accents,
+    Bars,
     Completeness,
     Energy,
     Front,
@@ -129,6 +130,11 @@ def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they
     assert np.array_equal(rhythm[counted], layer.count_uncertainty[counted])
     assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
     assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
+
+
+def test_bars_are_the_share_of_beats_off_the_bar(layers):
+    layer, _, song_features = layers
+    assert np.array_equal(Bars().node(layer, song_features), layer.off_bar)
 
 
 def test_phrasing_is_the_mean_of_leaving_and_entering_and_free_for_successors(tracked):

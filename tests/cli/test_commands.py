@@ -15,7 +15,7 @@ from synthetic_motions import swaying
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.choreography.graph.costs import Phrasing
+from choreograph.choreography.graph.costs import Bars
 from choreograph.core.errors import ParameterError
 from choreograph.core.settings import described
 from choreograph.core.timebase import SAMPLE_RATE_HZ
@@ -334,7 +334,7 @@ def test_all_default_settings_as_a_file_are_the_defaults(tmp_path):
 def test_the_costs_are_explained_by_their_classes():
     printed = run("settings", "weights").stdout
     assert re.findall(r"^    (\w+) = ", printed, flags=re.M) == list(cost_names())
-    assert f"phrasing = {DEFAULT_WEIGHTS['phrasing']}" in printed
-    summary = (Phrasing.__doc__ or "").splitlines()[0]
+    assert f"bars = {DEFAULT_WEIGHTS['bars']}" in printed
+    summary = (Bars.__doc__ or "").splitlines()[0]
     assert summary in " ".join(printed.split())
     assert printed.count("Raise") == len(DEFAULT_WEIGHTS)

@@ -52,12 +52,12 @@ def test_a_span_is_embedded_only_once(labelled_takes):
     spans = SpanMotifLookup(takes.__getitem__, 20.0, counting, motifs)
     take = np.array([0, 1, 0, 1])
     first = spans.motifs_of(take, np.array([3.0, 3.0, 3.0, 9.0]), np.array([3.5, 3.5, 3.5, 9.7]))
-    assert sum(embedded) == 3
+    assert len(embedded) == 1  # a batch of a fixed size
     again = spans.motifs_of(take[::-1], np.array([9.0, 3.0, 3.0, 3.0]), np.array([9.7, 3.5, 3.5, 3.5]))
-    assert sum(embedded) == 3
+    assert len(embedded) == 1
     assert np.array_equal(first, again[::-1])
     both = spans.motifs_of(take[:2], np.array([5.0, 3.0]), np.array([5.5, 3.5]))
-    assert sum(embedded) == 4
+    assert len(embedded) == 2
     assert both[1] == first[1]
 
 

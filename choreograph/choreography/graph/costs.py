@@ -122,6 +122,17 @@ class Accents(Cost):
         return np.where(layer.time_map_id >= 0, layer.unmatched_beat, 0.0)
 
 
+class Bars(Cost):
+    """Share of the second's beats whose number in the bar differs from the take's (ours).
+
+    It is 0 if the bars coincide. A take of another metre differs in most beats. Raise its weight if count 1
+    of the dance is not on count 1 of the song.
+    """
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
+        return layer.off_bar
+
+
 class Phrasing(Cost):
     """Mismatch of a change of takes with the figures of both, 0 … 1 (ours).
 
@@ -318,7 +329,7 @@ class Seed(Cost):
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
-    Style, Completeness, Transition, Velocity, Rhythm, Accents, Phrasing, Energy, Steps, Front, Pace,
+    Style, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
     Variety, Repeat,
 )  # fmt: skip
 
