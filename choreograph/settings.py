@@ -309,7 +309,7 @@ def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, f
 # - the settings of the rollout network are those of Rhythm is a Dancer, sections 4 and 5. It does not state
 #   the weights of the losses of positions and contacts (1 here), or how many teacher-forced and self-fed
 #   frames alternate (5 here, as in the acLSTM that it builds on). Ours are the root, which is relative to the
-#   heading of the dancer (`nets.rollout_data`), slight smoothing, and steering to the stage
+#   heading of the dancer (`nets.rollout_poses`), slight smoothing, and steering to the stage
 # - a second without a motion beat extends the gap of completeness to its far end
 # - a crossfade lasts 0.25 s. The dance is sampled at 60 fps by a spline through the path's 20 frames a second
 # - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire

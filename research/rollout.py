@@ -47,7 +47,7 @@ from choreograph.motion.motion import Motion, Take
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.music.song import Song, load_song
-from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor
 from choreograph.settings import published_dance
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
@@ -222,9 +222,9 @@ def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
     return means(rows)
 
 
-def noise(net: RolloutNet, song: Song, bounds_s: np.ndarray) -> np.ndarray:
+def noise(net: PosePredictor, song: Song, bounds_s: np.ndarray) -> np.ndarray:
     """In the place of spectral features: numbers of the same spread that mean nothing."""
-    mean, std = net.spectral_mean.numpy(), net.spectral_std.numpy()
+    mean, std = net.weights["spectral_mean"], net.weights["spectral_std"]
     return np.random.default_rng(0).normal(mean, std, (len(bounds_s) - 1, len(mean)))
 
 

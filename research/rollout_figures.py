@@ -24,7 +24,7 @@ from swapped_net import WithNet, ablated_net, bounds_of
 import choreograph as cg
 from choreograph.choreography.enforcement import danced_embeddings
 from choreograph.music.synthesis.song import render_song, write_song
-from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor
 from choreograph.view.renderer import draw_strip
 
 GENRE = "salsa"
@@ -100,7 +100,7 @@ def danced_embeddings_of(repertoire: WithNet, folder: Path) -> tuple[np.ndarray,
     return np.concatenate(embeddings), np.concatenate(asked)
 
 
-def loss_figure(repertoire: WithNet, folder: Path, without: RolloutNet | None) -> Figure:
+def loss_figure(repertoire: WithNet, folder: Path, without: PosePredictor | None) -> Figure:
     """Words of the most requested motif, of its neighbours, and as danced, and the distances of all."""
     medoids = repertoire.vocabulary.motifs.embeddings  # (K, D)
     networks = {"with the perceptual loss": (None, WITH_LOSS)}

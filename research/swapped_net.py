@@ -10,9 +10,9 @@ import numpy as np
 import torch
 
 import choreograph as cg
-from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor
 
-NetsByGenre = Mapping[str, RolloutNet]  # of one genre, or "" of all genres
+NetsByGenre = Mapping[str, PosePredictor]  # of one genre, or "" of all genres
 
 
 class WithNet(cg.Repertoire):
@@ -20,7 +20,7 @@ class WithNet(cg.Repertoire):
 
     swapped: NetsByGenre | None = None
 
-    def rollout_net(self, genre: str = "") -> RolloutNet:
+    def rollout_net(self, genre: str = "") -> PosePredictor:
         if self.swapped is None:
             return super().rollout_net(genre)
         return self.swapped.get("") or self.swapped[genre]
@@ -28,17 +28,17 @@ class WithNet(cg.Repertoire):
 
 def ablated_nets(folder: Path) -> dict[str, NetsByGenre]:
     """The networks of a folder by what they lack, and by genre where each genre has its own."""
-    nets: dict[str, dict[str, RolloutNet]] = defaultdict(dict)
+    nets: dict[str, dict[str, PosePredictor]] = defaultdict(dict)
     for path in sorted(folder.glob("*.pt")):
         name, _, genre = path.stem.partition("@")
         nets[name][genre] = ablated_net(path)
     return dict(nets)
 
 
-def ablated_net(path: Path) -> RolloutNet:
+def ablated_net(path: Path) -> PosePredictor:
     stored = torch.load(path, weights_only=True)
     weights = {key: value.numpy() for key, value in stored.pop("weights").items()}
-    return RolloutNet.from_arrays(weights, stored)
+    return PosePredictor.from_arrays(weights, stored)
 
 
 def bounds_of(dance: cg.Dance) -> np.ndarray:

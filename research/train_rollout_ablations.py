@@ -37,8 +37,7 @@ from choreograph.motion.motion import Take
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout_data import RolloutTake
-from choreograph.nets.rollout_training import train_rollouts
+from choreograph.nets.rollout_training import RolloutTake, train_rollouts
 from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.nets.words import WordNet
 from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout

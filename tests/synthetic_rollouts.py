@@ -14,7 +14,8 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS
 from choreograph.nets.configs import word_config
-from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutTake
+from choreograph.nets.rollout_poses import ROLLOUT_FPS
+from choreograph.nets.rollout_training import RolloutTake
 from choreograph.nets.words import WordNet, WordTake, train_word_net
 
 BEAT_S = 0.5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -12,7 +13,7 @@ import choreograph as cg
 HEAVY = ("torch", "librosa", "sklearn", "matplotlib", "networkx", "scipy.stats", "scipy.signal")
 
 
-@pytest.mark.parametrize("engine", ["graph", "mixer"])
+@pytest.mark.parametrize("engine", ["graph", "mixer", "rollout"])
 def test_a_dance_imports_neither_torch_nor_librosa(engine, tmp_path):
     song = str(cg.example_songs()["house"])
     arguments = ["dance", song, "-o", "dance.bvh", "--engine", engine, "--duration", "8"]
@@ -22,8 +23,24 @@ from choreograph.cli import main
 main({arguments!r}, standalone_mode=False)
 print([name for name in {HEAVY!r} if name in sys.modules])
 """
-    shown = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
-    )
+    assert last_line_of(code, tmp_path) == "[]"
     assert (tmp_path / "dance.bvh").exists()
-    assert shown.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_stream_imports_neither_torch_nor_librosa(tmp_path):
+    code = f"""
+import sys
+import choreograph as cg
+song = cg.load_song(cg.example_songs()["house"], duration_s=2)
+assert len(list(cg.RolloutStream(song, genre="house"))) == 120
+print([name for name in {HEAVY!r} if name in sys.modules])
+"""
+    assert last_line_of(code, tmp_path) == "[]"
+
+
+def last_line_of(code: str, folder: Path) -> str:
+    """The last line that a program prints."""
+    shown = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=folder
+    )
+    return shown.stdout.splitlines()[-1]

@@ -61,7 +61,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "soundfile": ("music",),
     "soxr": ("music.song",),
     "threadpoolctl": ("core.numerics", "library.motifs", "choreography.graph.planners"),
-    "torch": ("nets", "core.numerics", "choreography.rollout"),
+    "torch": ("nets", "core.numerics"),
 }
 
 

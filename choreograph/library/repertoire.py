@@ -32,7 +32,7 @@ from choreograph.motion.skeleton import Skeleton, roles_of
 if TYPE_CHECKING:
     from choreograph.library.building.counting import MotionCounter
     from choreograph.nets.inference import WordEmbedder
-    from choreograph.nets.rollout import RolloutNet
+    from choreograph.nets.rollout_poses import PosePredictor
 
 # A small HTML table, for notebooks.
 
@@ -193,12 +193,12 @@ class Repertoire:
         """
         return () if "rollout" in self.net_names else tuple(self._rollout_nets)
 
-    def rollout_net(self, genre: str = "") -> RolloutNet:
+    def rollout_net(self, genre: str = "") -> PosePredictor:
         """The network that generates motion from motifs, of `genre` if each genre has its own.
 
         Raises `RepertoireError` if there is none.
         """
-        from choreograph.nets.rollout import RolloutNet
+        from choreograph.nets.rollout_poses import PosePredictor
 
         check_text("a genre", genre)
         nets = self._rollout_nets
@@ -209,7 +209,7 @@ class Repertoire:
                 f"got {genre!r}"
             )
         with self._damage_named():
-            return RolloutNet.from_arrays(net.weights, net.config)
+            return PosePredictor.from_arrays(net.weights, net.config)
 
     def _expect_vocabulary(self) -> None:
         if not self.has_vocabulary:

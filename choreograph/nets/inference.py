@@ -1,9 +1,9 @@
 """The networks of a dance without torch: layers in NumPy, the embedding of words, and the style of songs.
 
 torch takes over a second to import, which is longer than these networks need for a song. The torch modules of
-`nets.words`, `nets.style` and `nets.count_phases` define the networks and train them. The classes here and in
-`nets.music_counts` and `nets.rollout` read the weights of those modules, by the same names, and agree with
-them to rounding.
+`nets.words`, `nets.style`, `nets.count_phases` and `nets.rollout` define the networks and train them. The
+classes here and in `nets.music_counts` and `nets.rollout_poses` read the weights of those modules, by the
+same names, and agree with them to rounding.
 """
 
 from __future__ import annotations

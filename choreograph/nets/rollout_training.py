@@ -3,170 +3,193 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
-from torch.nn import functional
 
 from choreograph.core.errors import ParameterError
-from choreograph.motion.body import BODY_JOINTS
-from choreograph.motion.skeleton import Skeleton
+from choreograph.core.numerics import AnyFloats
+from choreograph.core.timebase import WORD_FRAMES
+from choreograph.motion.motion import Motion
+from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES
 from choreograph.nets.configs import RolloutConfig
-from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutBatch, RolloutData, RolloutTake
-from choreograph.nets.stored import BodyKinematics, geodesic_rad
+from choreograph.nets.rollout import RolloutBatch, RolloutLosses, RolloutNet
+from choreograph.nets.rollout_poses import (
+    N_FEET,
+    ROLLOUT_FPS,
+    ROOT_DIM,
+    RolloutConditions,
+    conditions_of_frames,
+    to_poses,
+)
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 from choreograph.nets.words import WordNet
 
-# Losses of the rollout network (Rhythm is a Dancer, section 4.4).
+# Training sequences for the rollout network: takes with words and music, at several tempi, in batches.
 
 
-_FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for side in ("left", "right")]
+BEAT = FRAME_RHYTHM_NAMES.index("beat")
 
 
-class RolloutLosses:
-    """Distances of predicted poses from the recorded ones, and of predicted words from their motifs."""
+@dataclass(frozen=True, eq=False)
+class RolloutTake:
+    """One take as training data. All arrays begin at the motion's first frame."""
 
-    def __init__(self, skeleton: Skeleton, words: WordNet, config: RolloutConfig) -> None:
-        self._kinematics = BodyKinematics(skeleton)
-        self._words = words.eval().requires_grad_(False)
-        self._config = config
+    name: str
+    motion: Motion  # at 30 fps
+    rhythm: AnyFloats  # (T', 4) at 30 fps, to the end of the take or of the song
+    count_phase: AnyFloats  # (T', 4) at 30 fps
+    start_s: AnyFloats  # (N,) of the words
+    end_s: AnyFloats  # (N,)
+    motif: AnyFloats  # (N, 184) embedding of each word's motif, that is of its medoid
+    embedding: AnyFloats  # (N, 184) of each word
+    spectral: AnyFloats  # (N, 87) of each word's music
+    genre: str = ""
 
-    def total(
-        self, net: RolloutNet, predicted: Tensor, batch: RolloutBatch, *, self_fed_frames: int
-    ) -> Tensor:
-        """The loss of poses (B, T - 1, P) of `unroll`."""
-        conditions = replace(
-            batch.conditions,
-            progress=batch.conditions.progress[:, 1:],
-            word_s=batch.conditions.word_s[:, 1:],
-            spectral=None if batch.conditions.spectral is None else batch.conditions.spectral[:, 1:],
+
+class RolloutData:
+    """All takes as tensors, at each of some tempi, and random batches of sequences."""
+
+    def __init__(self, takes: Sequence[RolloutTake], n_frames: int, tempi: Sequence[float] = (1.0,)) -> None:
+        self._n_frames = n_frames
+        self._takes: list[_TakeTensors] = []
+        for take, tempo in product(takes, tempi):
+            tensors = _take_tensors(at_tempo(take, tempo))
+            if tensors is not None and tensors.stop - tensors.start > n_frames:
+                self._takes.append(tensors)
+        if not self._takes:
+            raise ParameterError(
+                f"expected a take of motion words for over {n_frames / ROLLOUT_FPS:.1f} s, got none"
+            )
+        n_starts = np.array([t.stop - t.start - n_frames for t in self._takes])
+        self._probability = n_starts / n_starts.sum()
+
+    def all_poses(self) -> Tensor:
+        """Every training frame, (T, P)."""
+        return torch.cat([t.pose[t.start : t.stop] for t in self._takes])
+
+    def all_conditions(self, name: str) -> Tensor:
+        """`motif`, `rhythm` or `spectral` of every training frame, (T, D)."""
+        spans = [(t, slice(t.start, t.stop)) for t in self._takes]
+        if name == "rhythm":
+            return torch.cat([t.rhythm[span] for t, span in spans])
+        return torch.cat([getattr(t, name)[t.word[span]] for t, span in spans])
+
+    def batch(
+        self, size: int, rng: np.random.Generator, *, own_embedding_share: float, with_style: bool
+    ) -> RolloutBatch:
+        """Random sequences, `own_embedding_share` of them conditioned on the words' own embeddings."""
+        parts, word_frames, word_sequence, word_motif = [], [], [], []
+        for row in range(size):
+            take = self._takes[rng.choice(len(self._takes), p=self._probability)]
+            start = int(rng.integers(take.start, take.stop - self._n_frames))
+            span = slice(start, start + self._n_frames)
+            embeddings = take.embedding if rng.random() < own_embedding_share else take.motif
+            word = take.word[span]
+            frames = (take.pose, take.rhythm, take.progress, take.word_s, take.count_phase)
+            parts.append((*(rows[span] for rows in frames), embeddings[word], take.spectral[word]))
+            inside = np.flatnonzero(
+                (take.first_frame >= start) & (take.last_frame <= start + self._n_frames - 1)
+            )
+            even = np.linspace(0.0, 1.0, WORD_FRAMES)
+            first, last = take.first_frame[inside, None] - start, take.last_frame[inside, None] - start
+            word_frames.append(first + (last - first) * even)  # (m, 13)
+            word_sequence.append(np.full(len(inside), row))
+            word_motif.append(embeddings[inside])
+        pose, rhythm, progress, word_s, count_phase, motif, spectral = (
+            torch.stack(p) for p in zip(*parts, strict=True)
         )
-        styled = net.apply_style(predicted, conditions)
-        if self._config.loss == "paper":
-            return self._paper_loss(net, predicted, styled, batch, self_fed_frames)
-        return self._weighted_loss(net, predicted, styled, batch)
-
-    def _paper_loss(
-        self, net: RolloutNet, predicted: Tensor, styled: Tensor, batch: RolloutBatch, self_fed_frames: int
-    ) -> Tensor:
-        """Equation 10: the coherence of both kinds of frames, equations 7 and 8, and λ times equation 9.
-
-        Coherence is that of the LSTM's own poses, and equation 9 that of poses with style. The losses of
-        positions and contacts are added, which the paper names without a formula. That of positions is the
-        sum over the joints as in equation 6, in metres, along the path of the root, since no other term has
-        the root's displacement.
-        """
-        config, target = self._config, batch.pose[:, 1:]
-        geodesic = geodesic_rad(net.rotations(predicted), net.rotations(target)).sum(dim=-1)  # (B, T - 1)
-        frame = torch.arange(geodesic.shape[1], device=geodesic.device)
-        given_truth = frame % (config.teacher_frames + self_fed_frames) < config.teacher_frames
-        loss = geodesic[:, given_truth].mean() + geodesic[:, ~given_truth].mean()
-        distance_m = (self._world_pos_m(net, predicted) - self._world_pos_m(net, target)).norm(dim=-1)
-        contact = functional.binary_cross_entropy_with_logits(predicted[..., -N_FEET:], target[..., -N_FEET:])
-        loss = loss + config.position_weight * distance_m.sum(dim=-1).mean() + config.contact_weight * contact
-        if config.perceptual_weight > 0 and len(batch.word_motif):
-            loss = loss + config.perceptual_weight * self._perceptual_m(self._world_pos_m(net, styled), batch)
-        result: Tensor = loss
-        return result
-
-    def _weighted_loss(
-        self, net: RolloutNet, predicted: Tensor, styled: Tensor, batch: RolloutBatch
-    ) -> Tensor:
-        """Ours: the weighted sum of the configuration, of poses with style."""
-        config, target = self._config, batch.pose[:, 1:]
-        coherence = geodesic_rad(net.rotations(styled), net.rotations(target)).mean()
-        styled_m, target_m = (self._local_pos_m(net, pose) for pose in (styled, target))
-        position = (styled_m - target_m).norm(dim=-1).mean()
-        velocity = (styled_m.diff(dim=1) - target_m.diff(dim=1)).norm(dim=-1).mean() * ROLLOUT_FPS
-        root = ((styled - target)[..., :ROOT_DIM] / net.root_std).abs().mean()
-        contact = functional.binary_cross_entropy_with_logits(predicted[..., -N_FEET:], target[..., -N_FEET:])
-        world_m, target_world_m = self._world_pos_m(net, styled), self._world_pos_m(net, target)
-        loss: Tensor = (
-            coherence
-            + config.position_weight * position
-            + config.velocity_weight * velocity
-            + config.root_weight * root
-            + config.contact_weight * contact
-            + config.border_speed_weight * _border_speed_m_s(world_m, target_world_m, batch)
-            + config.slide_weight * _foot_slide_m_s(world_m, target[..., -N_FEET:])
+        conditions = RolloutConditions(
+            motif, rhythm, progress, word_s, count_phase, spectral if with_style else None
         )
-        if config.perceptual_weight > 0 and len(batch.word_motif):
-            loss = loss + config.perceptual_weight * self._perceptual_m(world_m, batch)
-        return loss
-
-    def _local_pos_m(self, net: RolloutNet, pose: Tensor) -> Tensor:
-        """Body positions (B, T, 21, 3) above the origin, without heading."""
-        root = torch.stack([torch.zeros_like(pose[..., 2]), pose[..., 2], torch.zeros_like(pose[..., 2])], -1)
-        return self._kinematics.body_pos_m(root, net.rotations(pose))
-
-    def _world_pos_m(self, net: RolloutNet, pose: Tensor) -> Tensor:
-        """Body positions (B, T, 21, 3) along the path of the root."""
-        body = self._local_pos_m(net, pose)
-        heading = pose[..., 3].cumsum(dim=1)  # (B, T)
-        sin, cos = heading.sin(), heading.cos()
-        last_sin, last_cos = (functional.pad(v[:, :-1], (1, 0)) for v in (sin, cos))
-        last_cos[:, 0] = 1.0
-        x, z = pose[..., 0], pose[..., 1]
-        path_x = (last_cos * x + last_sin * z).cumsum(dim=1)
-        path_z = (last_cos * z - last_sin * x).cumsum(dim=1)
-        sin, cos = sin[..., None], cos[..., None]
-        return torch.stack(
-            [
-                cos * body[..., 0] + sin * body[..., 2] + path_x[..., None],
-                body[..., 1],
-                cos * body[..., 2] - sin * body[..., 0] + path_z[..., None],
-            ],
-            dim=-1,
-        )
-
-    def _perceptual_m(self, world_m: Tensor, batch: RolloutBatch) -> Tensor:
-        """Mean distance of the embeddings of predicted words from their motifs (equation 9)."""
-        # Frame 0 of a sequence is not predicted, so a word that starts there starts one frame later.
-        frames = (batch.word_frames - 1.0).clamp_min(0.0)
-        low = frames.long().clamp_max(world_m.shape[1] - 2)
-        weight = (frames - low)[..., None, None]
-        rows = batch.word_sequence[:, None]
-        words = world_m[rows, low] * (1 - weight) + world_m[rows, low + 1] * weight  # (M, 13, 21, 3)
-        result: Tensor = (self._words(words) - batch.word_motif).norm(dim=-1).mean()
-        return result
+        return RolloutBatch(
+            pose, conditions, torch.from_numpy(np.concatenate(word_frames)).float(),
+            torch.from_numpy(np.concatenate(word_sequence)), torch.cat(word_motif),
+        )  # fmt: skip
 
 
-def _foot_slide_m_s(world_m: Tensor, contact: Tensor) -> Tensor:
-    """Mean speed of feet in contact, of positions (B, T, 21, 3) and contacts (B, T, 2)."""
-    speed = world_m.diff(dim=1).norm(dim=-1) * ROLLOUT_FPS  # (B, T - 1, 21)
-    throughout = torch.minimum(contact[:, 1:], contact[:, :-1])
-    per_foot = torch.stack([speed[..., foot].amin(dim=-1) for foot in _FEET], dim=-1)
-    return (throughout * per_foot).mean()
+@dataclass(frozen=True, eq=False)
+class _TakeTensors:
+    """A take as tensors, with the range of frames that words cover."""
+
+    pose: Tensor  # (T, P)
+    rhythm: Tensor  # (T, 4)
+    progress: Tensor  # (T,)
+    word_s: Tensor  # (T,)
+    count_phase: Tensor  # (T, 4)
+    word: NDArray[np.int64]  # (T,)
+    motif: Tensor  # (N, 184)
+    embedding: Tensor  # (N, 184)
+    spectral: Tensor  # (N, 87)
+    first_frame: AnyFloats  # (N,) fractional
+    last_frame: AnyFloats  # (N,)
+    start: int  # first frame of the first word
+    stop: int  # after the last frame of the last word
 
 
-def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) -> Tensor:
-    """Mean difference of joint speed where words begin, of positions (B, T, 21, 3) of frames 1 … T.
+def at_tempo(take: RolloutTake, tempo: float) -> RolloutTake:
+    """The take and its music, played at a multiple of their tempo."""
+    if tempo == 1.0:
+        return take
+    n_frames = int((take.motion.n_frames - 1) / tempo) + 1
+    return replace(
+        take,
+        motion=take.motion.sampled(np.arange(n_frames, dtype=np.float64) * tempo, fps=ROLLOUT_FPS),
+        rhythm=_with_beats_of(_played_at(take.rhythm, tempo), take.rhythm, tempo),
+        count_phase=_played_at(take.count_phase, tempo),
+        start_s=take.start_s / tempo,
+        end_s=take.end_s / tempo,
+    )
 
-    The target is the speed of the dancer on the count, not rest, since not every dancer rests there.
-    """
-    if len(batch.word_frames) == 0:
-        return world_m.new_zeros(())
-    speeds = [
-        pos.diff(dim=1).norm(dim=-1).mean(dim=-1) * ROLLOUT_FPS for pos in (world_m, target_m)
-    ]  # (B, T - 1)
-    # Speed i is that from frame i + 1 to i + 2 of the sequence, whose frame 0 is not predicted.
-    frames = (batch.word_frames[:, 0] - 1.5).clamp(0.0, speeds[0].shape[1] - 1.001)
-    low = frames.floor().long()
-    weight = frames - low
-    rows = batch.word_sequence
-    predicted, danced = (
-        speed[rows, low] * (1 - weight) + speed[rows, low + 1] * weight for speed in speeds
-    )  # (M,)
-    result: Tensor = (predicted - danced).abs().mean()
+
+def _with_beats_of(played: AnyFloats, rhythm: AnyFloats, tempo: float) -> AnyFloats:
+    """The rhythm at another tempo, with every beat once, even if its frame is dropped or repeated."""
+    beats = np.rint(np.flatnonzero(rhythm[:, BEAT] > 0) / tempo).astype(np.int64)
+    is_beat = np.isin(np.arange(len(played)), beats)
+    return np.concatenate([played[:, :BEAT], is_beat[:, None]], axis=1)
+
+
+def _played_at(rows: AnyFloats, tempo: float) -> AnyFloats:
+    """The rows (T, D) nearest to each frame at another tempo."""
+    frames = np.rint(np.arange(int((len(rows) - 1) / tempo) + 1) * tempo).astype(np.int64)
+    result: AnyFloats = rows[np.minimum(frames, len(rows) - 1)]
     return result
 
 
-# Training of the rollout network with auto-conditioning (Rhythm is a Dancer, section 4.4).
+def _take_tensors(take: RolloutTake) -> _TakeTensors | None:
+    """The take as tensors, or None for a take without words."""
+    if len(take.start_s) == 0 or take.motion.n_frames < 2:
+        return None
+    n_frames = take.motion.n_frames
+    of = conditions_of_frames(take.start_s, take.end_s, n_frames, take.rhythm, take.count_phase)
+    first_frame, last_frame = take.start_s * ROLLOUT_FPS, take.end_s * ROLLOUT_FPS
+    return _TakeTensors(
+        pose=torch.from_numpy(to_poses(take.motion)),
+        rhythm=_tensor(of.rhythm),
+        progress=_tensor(of.progress),
+        word_s=_tensor(of.word_s),
+        count_phase=_tensor(of.count_phase),
+        word=of.word,
+        motif=_tensor(take.motif),
+        embedding=_tensor(take.embedding),
+        spectral=_tensor(take.spectral),
+        first_frame=first_frame,
+        last_frame=last_frame,
+        start=int(np.ceil(first_frame[0])),
+        stop=min(n_frames, int(last_frame[-1]) + 1),
+    )
+
+
+def _tensor(rows: AnyFloats) -> Tensor:
+    return torch.from_numpy(np.asarray(rows, np.float32))
+
+
+# Training with auto-conditioning.
 
 
 def train_rollouts(

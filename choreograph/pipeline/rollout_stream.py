@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,12 @@ from choreograph.choreography.constraints import make_constraints
 from choreograph.choreography.genres import genre_note, likely_genre
 from choreograph.choreography.material import counts_of_genre
 from choreograph.choreography.rollout.engine import lead_in
-from choreograph.choreography.rollout.streaming import MotifStream, StreamedWord
+from choreograph.choreography.rollout.streaming import (
+    DanceStream,
+    FrameCondition,
+    MotifStream,
+    StreamedWord,
+)
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.counts import Counts, count_phase
@@ -28,11 +32,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS
 from choreograph.music.frame_rhythm import RhythmStream
 from choreograph.music.song import Song, as_song
+from choreograph.nets.rollout_poses import LOOKAHEAD_FRAMES, ROLLOUT_FPS
 from choreograph.settings import DanceConfig
-
-if TYPE_CHECKING:
-    from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
-
 
 _MOST_WORDS = 10_000  # for which a motif can be requested, about an hour
 
@@ -78,7 +79,7 @@ class RolloutStream:
     the end of a word. Loudness is relative to the sound so far. No pose is held until the first count, and a
     motif that the network does not show is not tried again.
 
-    Threads do not make torch faster here. Set OMP_NUM_THREADS=1 (or `torch.set_num_threads(1)`).
+    Threads do not make the network faster. Set OMP_NUM_THREADS=1.
 
     Raises `ParameterError` for an unknown genre or invalid settings, `FormatError` for a song that cannot be
     read, `RepertoireError` without motifs or a rollout network.
@@ -200,8 +201,6 @@ class RolloutStream:
     @default_numerics()
     def _advance(self) -> None:
         """Read one more row of the rhythm and, from the network's look-ahead on, predict a pose."""
-        from choreograph.nets.rollout_data import LOOKAHEAD_FRAMES  # torch takes a second to import
-
         rhythm = self._rhythm.next_row()
         self._n_rows += 1
         if self._n_rows <= LOOKAHEAD_FRAMES:
@@ -213,9 +212,6 @@ class RolloutStream:
         self._n_poses += 1
 
     def _begin_word(self) -> None:
-        from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
-        from choreograph.nets.rollout_data import ROLLOUT_FPS
-
         word = self._motifs.begin_word()
         frames = np.arange(self._n_poses, int(np.ceil((word.end_s - 1e-6) * ROLLOUT_FPS)))
         times_s = frames / ROLLOUT_FPS

@@ -10,6 +10,7 @@ from synthetic_rollouts import synthetic_motion
 from choreograph.choreography.rollout.generation import MotifSequence, generate_motion
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +20,7 @@ SONG_S = 20.0
 @pytest.mark.parametrize("preset", ["small", "paper"])
 def test_generation(benchmark, preset):
     torch.manual_seed(0)
-    net = RolloutNet(rollout_config(preset)).eval()
+    net = PosePredictor.from_arrays(*RolloutNet(rollout_config(preset)).to_arrays())
     bounds = np.arange(0.0, SONG_S + 0.1, 0.5)
     rng = np.random.default_rng(0)
     n_words = len(bounds) - 1

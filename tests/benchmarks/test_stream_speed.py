@@ -12,6 +12,7 @@ from synthetic_rollouts import synthetic_motion
 from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +22,7 @@ def test_a_streamed_pose(benchmark, preset):
     torch.manual_seed(0)
     torch.set_num_threads(1)
     rng = np.random.default_rng(0)
-    net = RolloutNet(rollout_config(preset)).eval()
+    net = PosePredictor.from_arrays(*RolloutNet(rollout_config(preset)).to_arrays())
     dance = DanceStream(net, synthetic_motion(np.array([0, 1])), 60.0)
     condition, rhythm = FrameCondition(rng.normal(0, 0.1, 184), 0.5, 0.5, rng.random(4)), rng.random(4)
     took_ms = []

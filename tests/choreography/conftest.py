@@ -8,8 +8,7 @@ from synthetic_rollouts import BEAT_S, synthetic_motion, synthetic_takes, synthe
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout import RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS
+from choreograph.nets.rollout_poses import ROLLOUT_FPS, PosePredictor
 from choreograph.nets.rollout_training import train_rollout
 from choreograph.nets.words import WordNet
 
@@ -21,7 +20,7 @@ def trained(made_once):
     return torch.load(path / "trained.pt", weights_only=False)
 
 
-def _trained() -> tuple[RolloutNet, WordNet, np.ndarray]:
+def _trained() -> tuple[PosePredictor, WordNet, np.ndarray]:
     takes = synthetic_takes()
     words = synthetic_words(takes)
     config = rollout_config(
@@ -42,4 +41,4 @@ def _trained() -> tuple[RolloutNet, WordNet, np.ndarray]:
         )
         for k in range(3)
     ]
-    return net, words, np.concatenate(kinds)
+    return PosePredictor.from_arrays(*net.to_arrays()), words, np.concatenate(kinds)

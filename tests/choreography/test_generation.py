@@ -13,8 +13,8 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.skeleton import Skeleton
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout import ROOT_DIM, RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS, to_motion, to_poses
+from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import ROLLOUT_FPS, ROOT_DIM, PosePredictor, to_motion, to_poses
 
 pytestmark = pytest.mark.slow
 
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def untrained():
     """An untrained network, no word network, and embeddings of three motifs."""
-    net = RolloutNet(rollout_config("tiny")).eval()
+    net = PosePredictor.from_arrays(*RolloutNet(rollout_config("tiny")).to_arrays())
     return net, None, np.random.default_rng(0).normal(size=(3, 184))
 
 

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import torch
 from synthetic_rollouts import BEAT_S, motif_sequence, synthetic_motion
 
 from choreograph.choreography.rollout.generation import generate_motion
@@ -13,14 +12,13 @@ from choreograph.evaluation.metrics.physical import foot_slide_cm_s, joint_jerk_
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.nets.rollout_data import LOOKAHEAD_FRAMES, ROLLOUT_FPS, to_poses
+from choreograph.nets.rollout_poses import LOOKAHEAD_FRAMES, ROLLOUT_FPS, to_poses
 
 pytestmark = pytest.mark.slow
 
 
 def streamed(net, sequence, seed_motion, fps=60.0):
     """The dance of a whole sequence, a pose at a time."""
-    torch.set_num_threads(1)
     dance = DanceStream(net, seed_motion, fps)
     frames = []
     for start_s, end_s, motif in zip(sequence.start_s, sequence.end_s, sequence.motif, strict=True):

@@ -8,10 +8,12 @@ import torch
 
 from choreograph.core.errors import ParameterError
 from choreograph.music.rhythm import RHYTHM_DIM
-from choreograph.nets.configs import style_config, word_config
+from choreograph.nets.configs import rollout_config, style_config, word_config
 from choreograph.nets.count_phases import MusicCountsNet
 from choreograph.nets.inference import MEL_FRAMES, SongStyle, WordEmbedder
 from choreograph.nets.music_counts import MusicCounts, levelled, music_counts_config
+from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import PosePredictor, RolloutConditions
 from choreograph.nets.style import StyleNets
 from choreograph.nets.words import WordNet
 
@@ -81,12 +83,49 @@ def test_embeddings_of_words_are_those_of_torch(preset, n_words):
         assert WordEmbedder.from_arrays(*module.to_arrays()).embed(words).shape == (0, 184)
 
 
+PAPER = {"condition_width": 0, "count_phase": False, "style_fade_s": 0.0, "n_layers": 3}
+
+
+@pytest.mark.parametrize("with_style", [True, False])
+@pytest.mark.parametrize("changes", [{}, PAPER, {"motifs": False}, {"phase": False}, {"use_audio": False}])
+@pytest.mark.parametrize("preset", ["small", "tiny"])
+def test_poses_of_a_rollout_are_those_of_torch(preset, changes, with_style):
+    module = trained(RolloutNet(rollout_config(preset, **changes)))
+    n_frames, widths = 40, (184, 4, None, None, 4, 87)
+    rows = [RNG.normal(size=(n_frames, *(() if n is None else (n,)))).astype(np.float32) for n in widths]
+    rows[2], rows[3] = rows[2] % 1, 0.5 + rows[3] % 1  # phases, and durations of words
+    spectral = rows.pop()
+    net = PosePredictor.from_arrays(*module.to_arrays())
+    conditions = RolloutConditions(*rows, spectral if with_style else None)
+    tensors = RolloutConditions(*(torch.from_numpy(r)[None] for r in rows), torch.from_numpy(spectral)[None])
+    first = RNG.normal(size=102).astype(np.float32)
+    pose, state = first, net.initial_state()
+    found = []
+    with torch.no_grad():
+        embedded = module.embed_conditions(tensors)
+        for ours, torchs in zip(net.embed_conditions(conditions), embedded, strict=True):
+            if ours.size or torchs.numel():
+                assert_equal_to_rounding(ours, torchs[0].numpy())
+        torch_pose, torch_state, expected = torch.from_numpy(first)[None], module.initial_state(1), []
+        for frame, inputs in enumerate(zip(*net.embed_conditions(conditions), strict=True)):
+            pose, state = net.step(pose, *inputs, state)
+            found.append(pose)
+            logits, torch_state = module.step(torch_pose, *(v[:, frame] for v in embedded), torch_state)
+            torch_pose = module.as_input(logits)
+            expected.append(logits)
+        styled = torch.stack(expected, dim=1)
+        if with_style:
+            styled = module.apply_style(styled, tensors)
+    assert_equal_to_rounding(net.apply_style(np.stack(found), conditions), module.as_input(styled)[0].numpy())
+
+
 @pytest.mark.parametrize(
     ("net", "module"),
     [
         (MusicCounts, MusicCountsNet(music_counts_config("tiny"))),
         (SongStyle, StyleNets(style_config("tiny", music_inputs="mel+counts"))),
         (WordEmbedder, WordNet(word_config("tiny"))),
+        (PosePredictor, RolloutNet(rollout_config("tiny"))),
     ],
 )
 def test_weights_of_another_shape_are_refused(net, module):

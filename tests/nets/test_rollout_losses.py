@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 from synthetic_rollouts import synthetic_takes, synthetic_words
 
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutData
-from choreograph.nets.rollout_training import RolloutLosses, _border_speed_m_s
+from choreograph.nets.rollout import RolloutLosses, RolloutNet, _border_speed_m_s
+from choreograph.nets.rollout_poses import N_FEET, ROLLOUT_FPS, ROOT_DIM
+from choreograph.nets.rollout_training import RolloutData
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,9 @@ from synthetic_rollouts import random_motion, synthetic_takes, synthetic_words
 
 from choreograph.core.errors import ParameterError
 from choreograph.nets.configs import rollout_config
-from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutNet
-from choreograph.nets.rollout_data import RolloutData, to_poses, word_conditions
-from choreograph.nets.rollout_training import train_rollout, train_rollouts, unroll
+from choreograph.nets.rollout import RolloutNet
+from choreograph.nets.rollout_poses import N_FEET, ROOT_DIM, PosePredictor, to_poses, word_conditions
+from choreograph.nets.rollout_training import RolloutData, train_rollout, train_rollouts, unroll
 from choreograph.nets.training import TrainingContext
 from choreograph.settings import ROLLOUT
 
@@ -22,6 +22,11 @@ pytestmark = pytest.mark.slow
 def synthetic():
     takes = synthetic_takes()
     return takes, synthetic_words(takes)
+
+
+def predictor(**changes) -> PosePredictor:
+    """An untrained network without torch, which `test_inference.py` compares with the one in torch."""
+    return PosePredictor.from_arrays(*RolloutNet(rollout_config("tiny", **changes)).to_arrays())
 
 
 def test_inputs_are_true_poses_and_then_the_networks_own(synthetic):
@@ -43,23 +48,21 @@ def test_inputs_are_true_poses_and_then_the_networks_own(synthetic):
 
 
 def test_the_papers_style_does_not_change_the_bounds_of_words_and_the_root():
-    net = RolloutNet(rollout_config("tiny", style_fade_s=0.0))
-    poses = torch.from_numpy(to_poses(random_motion(1, 45)))[None]
+    net = predictor(style_fade_s=0.0)
+    poses = to_poses(random_motion(1, 45))
     conditions = word_conditions(
         np.array([0.0, 0.5, 1.0]), np.array([0.5, 1.0, 1.5]), 45, *np.zeros((2, 45, 4)), np.zeros((3, 184)),
         np.random.default_rng(0).normal(size=(3, 87)),
     )  # fmt: skip
-    with torch.no_grad():
-        styled = net.apply_style(poses, conditions)
-    change = (styled - poses).abs()[0]
+    change = np.abs(net.apply_style(poses, conditions) - poses)
     assert change[[0, 15, 30]].max() < 1e-5
     assert change[7, ROOT_DIM:-N_FEET].max() > 1e-3
     assert change[:, :ROOT_DIM].max() == 0 and change[:, -N_FEET:].max() == 0
 
 
 def test_style_as_published_is_of_length_one_in_a_word_and_grows_with_its_strength():
-    net = RolloutNet(rollout_config("tiny"))
-    poses = torch.from_numpy(to_poses(random_motion(1, 30)))[None]
+    net = predictor()
+    poses = to_poses(random_motion(1, 30))
     conditions = word_conditions(
         np.array([0.0]), np.array([1.0]), 30, *np.zeros((2, 30, 4)), np.zeros((1, 184)),
         np.random.default_rng(0).normal(size=(1, 87)),
@@ -67,41 +70,38 @@ def test_style_as_published_is_of_length_one_in_a_word_and_grows_with_its_streng
     assert net.with_style(None, None) is net and net.with_style(1.5, "smooth") is net
 
     def change(strength, window):
-        with torch.no_grad():
-            styled = net.with_style(strength, window).apply_style(poses, conditions)
-        return (styled - poses)[0, :, ROOT_DIM:-N_FEET].norm(dim=-1)  # (T,)
+        styled = net.with_style(strength, window).apply_style(poses, conditions)
+        return np.linalg.norm((styled - poses)[:, ROOT_DIM:-N_FEET], axis=1)  # (T,)
 
     assert change(0.0, "hamming").max() < 1e-6
     small, twice = change(0.1, "hamming"), change(0.2, "hamming")
-    assert torch.allclose(twice[10:20], 2 * small[10:20], rtol=0.05)
+    assert np.allclose(twice[10:20], 2 * small[10:20], rtol=0.05)
     assert change(0.1, "smooth")[15] > 3 * small[15]  # of length one in every pose, not in the word
     assert change(40.0, "hamming")[15] > change(1.5, "smooth")[15]
 
 
 def test_style_changes_smoothly_from_word_to_word():
-    net = RolloutNet(rollout_config("tiny", style_fade_s=0.5))
-    poses = torch.from_numpy(to_poses(random_motion(1, 1)))[None].expand(1, 60, -1)  # one pose throughout
+    net = predictor(style_fade_s=0.5)
+    poses = to_poses(random_motion(1, 1)).repeat(60, axis=0)  # one pose throughout
     spectra = np.random.default_rng(0).normal(size=(2, 87))
     conditions = word_conditions(
         np.array([0.0, 1.0]), np.array([1.0, 2.0]), 60, *np.zeros((2, 60, 4)), np.zeros((2, 184)), spectra
     )
-    with torch.no_grad():
-        quat = net.apply_style(poses, conditions)[0, :, ROOT_DIM:-N_FEET]
-    steps = quat.diff(dim=0).norm(dim=-1)
+    quat = net.apply_style(poses, conditions)[:, ROOT_DIM:-N_FEET]
+    steps = np.linalg.norm(np.diff(quat, axis=0), axis=1)
     assert steps[:12].max() < 1e-5 and steps[-12:].max() < 1e-5  # style moves nothing within a word
-    assert 0 < steps.max() < 0.15 * (quat[0] - quat[-1]).norm()  # and does not jump between words
+    assert 0 < steps.max() < 0.15 * np.linalg.norm(quat[0] - quat[-1])  # and does not jump between words
 
 
 @pytest.mark.parametrize("off", ["use_audio", "motifs", "count_phase"])
 def test_conditions_that_are_switched_off_have_no_effect(off):
-    net = RolloutNet(rollout_config("tiny", **{off: False}))
+    net = predictor(**{off: False})
     starts, ends = np.array([0.0, 0.5]), np.array([0.5, 1.0])
     rng = np.random.default_rng(0)
 
     def gate_inputs(motif, rhythm, phase):
         conditions = word_conditions(starts, ends, 30, rhythm, phase, motif, None)
-        with torch.no_grad():
-            return net.embed_conditions(conditions)[0]
+        return net.embed_conditions(conditions)[0]
 
     motif, rhythm, phase = rng.normal(size=(2, 184)), rng.normal(size=(30, 4)), rng.normal(size=(30, 4))
     other = {
@@ -109,7 +109,7 @@ def test_conditions_that_are_switched_off_have_no_effect(off):
         "motifs": (rng.normal(size=(2, 184)), rhythm, phase),
         "count_phase": (motif, rhythm, rng.normal(size=(30, 4))),
     }[off]
-    assert torch.equal(gate_inputs(motif, rhythm, phase), gate_inputs(*other))
+    assert np.array_equal(gate_inputs(motif, rhythm, phase), gate_inputs(*other))
 
 
 def test_training_lowers_the_loss_and_is_deterministic(synthetic, tmp_path):

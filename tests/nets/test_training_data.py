@@ -5,7 +5,8 @@ import pytest
 from synthetic_rollouts import synthetic_takes
 
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
-from choreograph.nets.rollout_data import ROLLOUT_FPS, at_tempo
+from choreograph.nets.rollout_poses import ROLLOUT_FPS
+from choreograph.nets.rollout_training import at_tempo
 
 
 @pytest.mark.parametrize("tempo", [0.8, 1.25])

@@ -24,6 +24,12 @@ from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.passages import draw_dance
+from choreograph.choreography.rollout.generation import (
+    SEED_FRAMES,
+    HeldPoses,
+    MotifSequence,
+    generate_motion,
+)
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
@@ -36,6 +42,7 @@ from choreograph.motion.motion import Credits, Motion
 from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
+from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import render_generated, render_over
 from choreograph.settings import DanceConfig
@@ -277,9 +284,6 @@ def _generated(
     request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: NDArray[np.float32]
 ) -> Motion:
     """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
-    from choreograph.choreography.rollout.generation import HeldPoses, MotifSequence, generate_motion
-    from choreograph.nets.rollout_data import ROLLOUT_FPS  # torch takes a second to import
-
     repertoire, features, config = request.repertoire, request.song_features, request.config
     bounds_s, report = constraints.bounds_s, request.report
     spectral = (
@@ -327,8 +331,6 @@ def _planned_words(
 
 def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
     """The recorded motion before a motif's medoid, or its beginning if the medoid begins the take."""
-    from choreograph.choreography.rollout.generation import SEED_FRAMES
-
     v = repertoire.vocabulary
     word = int(v.motifs.words[motif])
     length_s = (SEED_FRAMES + 1) / fps

@@ -6,20 +6,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.nets.rollout import N_FEET, RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS, to_motion, to_poses, word_conditions
+from choreograph.nets.rollout_poses import (
+    N_FEET,
+    ROLLOUT_FPS,
+    PosePredictor,
+    to_motion,
+    to_poses,
+    word_conditions,
+)
 from choreograph.render.runs import steer_rad
 
 SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
@@ -28,6 +33,7 @@ _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
 SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts add no motion beats
 STEER_FRAMES = 2 * ROLLOUT_FPS  # path and heading ahead are those of the next two seconds
+_EMBEDDED_FRAMES = 512  # whose conditions are embedded at once
 _MAX_STEER_RAD = 0.4  # per word, over all of it
 
 
@@ -60,7 +66,7 @@ class HeldPoses:
 
 
 def generate_motion(
-    net: RolloutNet,
+    net: PosePredictor,
     sequence: MotifSequence,
     seed_motion: Motion,
     *,
@@ -93,9 +99,8 @@ def generate_motion(
     return lock_feet(locked)  # after the first pass, more feet nearly stand
 
 
-@torch.no_grad()
 def generate_poses(
-    net: RolloutNet,
+    net: PosePredictor,
     sequence: MotifSequence,
     seed_motion: Motion,
     *,
@@ -116,26 +121,27 @@ def generate_poses(
         sequence.motif,
         sequence.spectral,
     )
-    gate_inputs, condition = (values[0] for values in net.embed_conditions(conditions))  # (T, ...)
-    seed_poses = torch.from_numpy(to_poses(seed_motion)[-SEED_FRAMES:])
-    state = net.initial_state(1)
-    for row in seed_poses[:-1]:
-        _, state = net.step(row[None], gate_inputs[:1], condition[:1], state)
-    pose, generated = seed_poses[-1:], []
-    for frame in range(n_frames):
-        now = slice(frame, frame + 1)
-        pose, state = net.step(pose, gate_inputs[now], condition[now], state)
-        generated.append(pose)
-        is_held = held is not None and frame < len(held.held) and held.held[frame]
-        pose = torch.from_numpy(held.poses[now]) if held and is_held else net.as_input(pose)
-        done = frame + 1
-        if report is not None and (done % ROLLOUT_FPS == 0 or done == n_frames):
-            report(-(-done // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
-    rows = net.as_input(net.apply_style(torch.stack(generated, dim=1), conditions))[0].numpy()
+    seed_poses, state = to_poses(seed_motion)[-SEED_FRAMES:], net.initial_state()
+    pose = seed_poses[-1]
+    generated = np.empty((n_frames, len(pose)), np.float32)
+    for frames in frame_blocks(n_frames, _EMBEDDED_FRAMES):
+        embedded = net.embed_conditions(conditions, frames)
+        if frames.start == 0:
+            for row in seed_poses[:-1]:
+                _, state = net.step(row, embedded[0][0], embedded[1][0], state)
+        for frame, gate_inputs, condition in zip(range(frames.start, frames.stop), *embedded, strict=True):
+            pose, state = net.step(pose, gate_inputs, condition, state)
+            generated[frame] = pose
+            if held is not None and frame < len(held.held) and held.held[frame]:
+                pose = held.poses[frame]
+            done = frame + 1
+            if report is not None and (done % ROLLOUT_FPS == 0 or done == n_frames):
+                report(-(-done // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
+    rows = net.apply_style(generated, conditions)
     return rows, rows[:, -N_FEET:].astype(np.float64)
 
 
-def check_skeleton(net: RolloutNet, skeleton: Skeleton) -> None:
+def check_skeleton(net: PosePredictor, skeleton: Skeleton) -> None:
     """Raise `ParameterError` unless the network was trained on a skeleton of as many joints."""
     if skeleton.n_joints != net.config.n_joints:
         raise ParameterError(

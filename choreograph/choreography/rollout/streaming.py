@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from choreograph.choreography.material import takes_of_genre
@@ -27,14 +26,20 @@ from choreograph.choreography.rollout.generation import (
 )
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import Floats, Indices
+from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import FootLockStream
 from choreograph.motion.motion import Motion
-from choreograph.nets.rollout import N_FEET, ROOT_DIM, RolloutConditions, RolloutNet
-from choreograph.nets.rollout_data import ROLLOUT_FPS, to_poses
+from choreograph.nets.rollout_poses import (
+    N_FEET,
+    ROLLOUT_FPS,
+    ROOT_DIM,
+    PosePredictor,
+    RolloutConditions,
+    to_poses,
+)
 from choreograph.render.runs import steer_rad
 
 # Motifs drawn while a song plays, passage by passage or word by word (Rhythm is a Dancer, section 4.3).
@@ -264,12 +269,10 @@ class FrameCondition:
     word_s: float
     count_phase: NDArray[np.floating]  # (4,)
 
-    def with_rhythm(self, rhythm: NDArray[np.floating]) -> RolloutConditions:
-        """The frame's conditions as tensors (1, 1, ...), with the rhythm (4,) some frames ahead."""
+    def with_rhythm(self, rhythm: NDArray[np.floating]) -> RolloutConditions[AnyFloats]:
+        """The frame's conditions (1, ...), with the rhythm (4,) some frames ahead."""
         rows = (self.motif, rhythm, self.progress, self.word_s, self.count_phase)
-        motif, ahead, progress, word_s, phase = (
-            torch.as_tensor(np.asarray(row, np.float32))[None, None] for row in rows
-        )
+        motif, ahead, progress, word_s, phase = (np.asarray(row)[None] for row in rows)
         return RolloutConditions(motif, ahead, progress, word_s, phase, None)
 
 
@@ -279,30 +282,28 @@ class PoseStream:
     Raises `ParameterError` if the skeleton of `seed_motion` is not the network's.
     """
 
-    def __init__(self, net: RolloutNet, seed_motion: Motion) -> None:
+    def __init__(self, net: PosePredictor, seed_motion: Motion) -> None:
         check_skeleton(net, seed_motion.skeleton)
         self._net = net
-        self._state = net.initial_state(1)
-        self._seed = torch.from_numpy(to_poses(seed_motion)[-SEED_FRAMES:])
-        self._pose: torch.Tensor | None = None  # the last one
+        self._state = net.initial_state()
+        self._seed = to_poses(seed_motion)[-SEED_FRAMES:]
+        self._pose: NDArray[np.float32] | None = None  # the last one
 
-    @torch.no_grad()
-    def next_row(self, conditions: RolloutConditions) -> NDArray[np.float32]:
+    def next_row(self, conditions: RolloutConditions[AnyFloats]) -> NDArray[np.float32]:
         """The pose row (P,) that follows, contacts as probabilities."""
-        gate_inputs, embedded = (values[:, 0] for values in self._net.embed_conditions(conditions))
+        gate_inputs, embedded = (values[0] for values in self._net.embed_conditions(conditions))
         if self._pose is None:
             for row in self._seed[:-1]:
-                _, self._state = self._net.step(row[None], gate_inputs, embedded, self._state)
-            self._pose = self._seed[-1:]
-        pose, self._state = self._net.step(self._pose, gate_inputs, embedded, self._state)
-        self._pose = self._net.as_input(pose)
-        return self._pose[0].numpy()
+                _, self._state = self._net.step(row, gate_inputs, embedded, self._state)
+            self._pose = self._seed[-1]
+        self._pose, self._state = self._net.step(self._pose, gate_inputs, embedded, self._state)
+        return self._pose
 
 
 class DanceStream:
     """The dance of a network at `fps`, on its stage and with locked feet, while poses are predicted."""
 
-    def __init__(self, net: RolloutNet, seed_motion: Motion, fps: float) -> None:
+    def __init__(self, net: PosePredictor, seed_motion: Motion, fps: float) -> None:
         self._poses = PoseStream(net, seed_motion)
         self._path = StagePath()
         self._feet = FootLockStream(seed_motion.skeleton, fps, SHIFT_S)

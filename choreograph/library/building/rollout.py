@@ -23,8 +23,8 @@ from choreograph.library.songs import SongCache, music_of_take
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import RolloutConfig
-from choreograph.nets.rollout_data import ROLLOUT_FPS, RolloutTake
-from choreograph.nets.rollout_training import train_rollouts
+from choreograph.nets.rollout_poses import ROLLOUT_FPS
+from choreograph.nets.rollout_training import RolloutTake, train_rollouts
 from choreograph.nets.training import TrainingContext
 from choreograph.nets.words import WordNet
 

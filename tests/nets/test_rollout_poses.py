@@ -8,8 +8,7 @@ from synthetic_rollouts import random_motion
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
-from choreograph.nets.rollout import N_FEET, ROOT_DIM
-from choreograph.nets.rollout_data import to_motion, to_poses, word_conditions
+from choreograph.nets.rollout_poses import N_FEET, ROOT_DIM, to_motion, to_poses, word_conditions
 
 
 @given(st.integers(0, 1000), st.floats(-3, 3), st.floats(-5, 5), st.floats(-5, 5))
@@ -40,12 +39,12 @@ def test_every_frame_is_conditioned_on_its_word():
     conditions = word_conditions(
         np.array([0.5, 1.0, 1.5]), np.array([1.0, 1.5, 2.0]), 70, rhythm, phase, motif, None
     )
-    assert conditions.motif[0, :, 0].tolist() == [0] * 30 + [1] * 15 + [2] * 25
-    assert float(conditions.progress[0, 15]) == 0.0
-    assert float(conditions.progress[0, 29]) == pytest.approx(14 / 15)
+    assert conditions.motif[:, 0].tolist() == [0] * 30 + [1] * 15 + [2] * 25
+    assert float(conditions.progress[15]) == 0.0
+    assert float(conditions.progress[29]) == pytest.approx(14 / 15)
     assert conditions.progress.max() <= 1.0
     # Rhythm is looked up ahead, and its last row is repeated.
-    assert conditions.rhythm[0, 0, 0] == 9
-    assert conditions.rhythm[0, -1, 0] == 59
+    assert conditions.rhythm[0, 0] == 9
+    assert conditions.rhythm[-1, 0] == 59
     # Phases are those of the frame itself.
-    assert conditions.count_phase[0, :, 0].tolist() == [*range(60), *[59] * 10]
+    assert conditions.count_phase[:, 0].tolist() == [*range(60), *[59] * 10]
