@@ -31,9 +31,11 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.evaluation.metrics.energy_response import motion_size
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.cached_librosa import librosa
+from choreograph.music.beats import cached_librosa
 from choreograph.music.song import load_song
 from choreograph.music.song_features import SongFeatures
+
+librosa = cached_librosa()
 
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 SIZES = (512, 50)

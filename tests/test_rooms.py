@@ -50,7 +50,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "filelock": ("core",),
     "h5py": ("library.store", "library.writing"),
     "lazy_loader": ("", "evaluation"),
-    "librosa": ("music.cached_librosa",),
+    "librosa": ("music.beats",),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
     "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),

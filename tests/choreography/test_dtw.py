@@ -11,7 +11,9 @@ from hypothesis.extra.numpy import arrays
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
-from choreograph.music.cached_librosa import librosa
+from choreograph.music.beats import cached_librosa
+
+librosa = cached_librosa()
 
 finite = st.floats(-4, 4, width=32)
 queries = arrays(np.float32, st.integers(2, 40), elements=finite)

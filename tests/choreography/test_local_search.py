@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
+import choreograph as cg
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
 from choreograph.choreography.graph.costs import Front, Variety
 from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including
@@ -82,6 +83,35 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
         if node is path.nodes[-1]:
             away += 6.0 * (1.0 - np.cos(node.heading_rad[0, -2] + turned_rad))
         assert terms["front"] == pytest.approx(0.5 * away, abs=1e-4)
+
+
+@pytest.mark.parametrize("n_motifs", [0, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_the_compiled_search_is_that_of_any_costs_to_the_bit(seed, n_motifs, monkeypatch):
+    compiled, source, costs, song_features = searched(seed, n_seconds=8, k=6, n_motifs=n_motifs)
+    costs.insert(1, costs.pop(2))  # in the order of a dance
+    nodes = [allowed_nodes(source.layer(second), costs, song_features) for second in range(8)]
+    compiled = CheapNodes.of(nodes, costs, song_features)
+    compiled.cost(np.zeros(8, np.int64))
+    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED", ())
+    of_any = CheapNodes.of(nodes, costs, song_features)
+    assert type(compiled) is not type(of_any)
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        path = np.array([rng.integers(layer.n_nodes) for layer in compiled.layers])
+        assert compiled.cost(path) == of_any.cost(path)
+        noise = [np.random.default_rng(seed) for _ in range(2)]
+        found = compiled._pass(path, noise[0]), of_any._pass(path, noise[1])
+        assert found[0].tolist() == found[1].tolist()
+        assert compiled.improved(path).tolist() == of_any.improved(path).tolist()
+
+
+@pytest.mark.slow
+def test_a_dance_is_the_same_with_the_compiled_search(monkeypatch):
+    arguments = {"duration_s": 24.0, "seed": 2, "weights": {"front": 2.0, "form": 6.0}}
+    plan = cg.dance(cg.example_songs()["house"], **arguments).plan
+    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED", ())
+    assert cg.dance(cg.example_songs()["house"], **arguments).plan == plan
 
 
 def test_without_costs_of_the_path_nothing_is_searched():

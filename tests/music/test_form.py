@@ -9,11 +9,13 @@ from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
 from choreograph.music import form
-from choreograph.music.cached_librosa import librosa
+from choreograph.music.beats import cached_librosa
 from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
 from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
 from content.songs.known_forms import HELD_OUT_FORMS
 from research.song_forms import ids_of
+
+librosa = cached_librosa()
 
 N_COUNTS = 16  # in a phrase
 

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.cached_librosa import librosa
+from choreograph.music.beats import cached_librosa
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
 from choreograph.music.mel import at_unit_loudness
+
+librosa = cached_librosa()
 
 FRAME = 735  # samples
 TEMPOGRAM, ONSET, RMS, BEAT = range(len(FRAME_RHYTHM_NAMES))

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.cached_librosa import librosa
+from choreograph.music.beats import cached_librosa
 from choreograph.music.mel import at_unit_loudness
 from choreograph.music.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
+
+librosa = cached_librosa()
 
 pytestmark = pytest.mark.slow
 

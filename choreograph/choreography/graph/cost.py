@@ -304,22 +304,44 @@ def turned_costs(
     n_a, n_b = len(end_rad), len(start_rad)
     costs = np.empty((n_a, n_b), np.float32)
     cos_b, sin_b = np.cos(start_rad), np.sin(start_rad)
-    cos_steer, sin_steer = np.cos(steer_rad), np.sin(steer_rad)
+    steer = np.cos(steer_rad), np.sin(steer_rad)
     for i in range(n_a):
-        cos_turn, sin_turn = np.cos(turn_rad[i]), np.sin(turn_rad[i])
-        cos_a, sin_a = np.cos(turn_rad[i] + end_rad[i]), np.sin(turn_rad[i] + end_rad[i])
+        turn = np.cos(turn_rad[i]), np.sin(turn_rad[i])
+        end = np.cos(turn_rad[i] + end_rad[i]), np.sin(turn_rad[i] + end_rad[i])
         for j in range(n_b):
-            cosine, sine, rotated = cos_turn, sin_turn, 0.0
-            if next_part[i] != part[j]:
-                joined_cos = cos_a * cos_b[j] + sin_a * sin_b[j]
-                joined_sin = sin_a * cos_b[j] - cos_a * sin_b[j]
-                cosine, sine = 1.0, 0.0
-                if joined_cos < cos_steer:
-                    side = sin_steer if joined_sin >= 0 else -sin_steer
-                    cosine = joined_cos * cos_steer + joined_sin * side
-                    sine = joined_sin * cos_steer - joined_cos * side
-                rotated = of_rotation * max(1.0 - cosine, 0.0)
-            cost = constant + series[j, 0] * cosine + series[j, 1] * sine
-            cost += series[j, 2] * (2.0 * cosine * cosine - 1.0) + series[j, 3] * (2.0 * sine * cosine)
-            costs[i, j] = max(cost, 0.0) + rotated
+            continues = next_part[i] == part[j]
+            costs[i, j] = turned_cost(
+                continues, turn, end, (cos_b[j], sin_b[j]), steer, series[j], constant, of_rotation
+            )
     return costs
+
+
+_Angle = tuple[float, float]  # cosine and sine
+
+
+@njit(inline="always")
+def turned_cost(
+    continues: bool,
+    turn: _Angle,
+    end: _Angle,
+    start: _Angle,
+    steer: _Angle,
+    series: AnyFloats,
+    constant: float,
+    of_rotation: float,
+) -> float:  # pragma: no cover - compiled
+    """One of the `turned_costs`. `end` is that of `turn_rad` + `end_rad`, and `series` has the shape (4,)."""
+    cosine, sine, rotated = turn[0], turn[1], 0.0
+    if not continues:
+        joined_cos = end[0] * start[0] + end[1] * start[1]
+        joined_sin = end[1] * start[0] - end[0] * start[1]
+        cosine, sine = 1.0, 0.0
+        if joined_cos < steer[0]:
+            side = steer[1] if joined_sin >= 0 else -steer[1]
+            cosine = joined_cos * steer[0] + joined_sin * side
+            sine = joined_sin * steer[0] - joined_cos * side
+        rotated = of_rotation * max(1.0 - cosine, 0.0)
+    cost = constant + series[0] * cosine + series[1] * sine
+    cost += series[2] * (2.0 * cosine * cosine - 1.0) + series[3] * (2.0 * sine * cosine)
+    turned: float = max(cost, 0.0) + rotated
+    return turned

@@ -24,8 +24,8 @@ from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP
 
-_USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
-_TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
+USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
+TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
 _LAST_POSE = 6.0  # of 1 - cos of the heading of the last pose
 _STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
 _OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
@@ -193,7 +193,7 @@ class Front(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        series, constant = _heading_series(layer, song_features)
+        series, constant = heading_series(layer, song_features)
         turned: AnyFloats = np.maximum(constant + series[:, 0] + series[:, 2], 0.0)
         return turned
 
@@ -201,7 +201,7 @@ class Front(Cost):
         costs: AnyFloats = turned_costs(
             previous.turn_rad, np.ascontiguousarray(previous.join_heading_rad[:, 1]),
             np.ascontiguousarray(next.join_heading_rad[:, 0]), next.steer_rad, previous.next_part, next.part,
-            *_heading_series(next, song_features), _TURNED_TAKE,
+            *heading_series(next, song_features), TURNED_TAKE,
         )  # fmt: skip
         return costs
 
@@ -211,15 +211,15 @@ class Front(Cost):
         towards, aside = next.facing[:, 0], next.facing[:, 1]
         away = 0.5 - 0.5 * towards
         last = _last_pose(next, song_features)
-        cosine, sine = away * towards + _TURNED_TAKE, away * aside
-        constant = away - away**2 + _TURNED_TAKE
+        cosine, sine = away * towards + TURNED_TAKE, away * aside
+        constant = away - away**2 + TURNED_TAKE
         if last is not None:
             cosine, sine, constant = cosine + last[:, 0], sine + last[:, 1], constant + _LAST_POSE
         least: AnyFloats = np.maximum(constant - np.hypot(cosine, sine), 0.0)
         return least
 
 
-def _heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats, float]:
+def heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats, float]:
     """The Fourier series (N, 4) of the cost of each node by the rotation of its take, and its constant."""
     # ((1 - cos h) / 2)² = 3/8 - cos(h) / 2 + cos(2 h) / 8, where h is the heading in the take plus φ
     series = layer.facing * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
@@ -277,19 +277,19 @@ class Variety(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0 or layer.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.take] / _USAGE_SCALE_S
+        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.take] / USAGE_SCALE_S
         return usage
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if previous.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = previous.take_usage_s[:, next.take] * np.float32(1.0 / _USAGE_SCALE_S)
+        usage: AnyFloats = previous.take_usage_s[:, next.take] * np.float32(1.0 / USAGE_SCALE_S)
         return usage
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
         if previous.take_usage_s.shape[1] == 0:
             return 0.0
-        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.take] / _USAGE_SCALE_S
+        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.take] / USAGE_SCALE_S
         return least
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,9 @@ from choreograph.choreography.graph.layers import (
     joined_layers,
     positions,
 )
+from choreograph.choreography.graph.motif_costs import Signature
+from choreograph.choreography.graph.path_kernels import COMPILED, NO_NODE, OF_NODES, arrays_of, extended
+from choreograph.choreography.graph.returns import FormCost
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
 
@@ -48,14 +53,16 @@ class CheapNodes:
     song_features: SongFeatures
     _one: dict[tuple[int, int], Layer] = field(default_factory=dict)  # layers of one node, by second and node
 
-    @classmethod
+    @staticmethod
     def of(
-        cls,
         nodes: Sequence[tuple[Layer, NDArray[np.float64]]],
         costs: Sequence[WeightedCost],
         song_features: SongFeatures,
     ) -> CheapNodes:
-        """Evaluate the costs of edges between the nodes of every second, given with their costs (N,)."""
+        """Evaluate the costs of edges between the nodes of every second, given with their costs (N,).
+
+        The search is compiled if all costs that depend on the path are built-in ones.
+        """
         of_path = tuple(weighted for weighted in costs if weighted.weight and weighted.cost.of_path)
         fixed = [weighted for weighted in costs if not weighted.cost.of_path]
         layers = tuple(layer for layer, _ in nodes)
@@ -63,7 +70,10 @@ class CheapNodes:
         # The costs of the first node that depend on the path are evaluated with the path.
         node_cost[0] = node_cost[0] - _first_cost(layers[0], of_path, song_features)
         edge_cost = tuple(edge_costs(here, there, fixed, song_features) for here, there in pairwise(layers))
-        return cls(layers, tuple(node_cost), edge_cost, of_path, song_features)
+        kinds = [type(weighted.cost) for weighted in of_path]
+        compiled = len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED)
+        kind = _CompiledNodes if compiled else CheapNodes
+        return kind(layers, tuple(node_cost), edge_cost, of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
         """The cheapest path found, as the index (S,) of its node in each second: `path` or a cheaper one."""
@@ -115,24 +125,45 @@ class CheapNodes:
         rest = _Rest.of([self._node(second, path) for second in range(len(path))])
         seen = rest.added_to(self.layers[0], 0)
         reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
-        before = with_history(self.layers[0], self.layers[0])
+        before = self._started(with_history(self.layers[0], self.layers[0]))
         parents = []
         for second in range(1, len(path)):
-            layer = self.layers[second]
-            seen = rest.added_to(before, second, new_goal=layer.new_goal)
-            layer_in_goal = changed_layer(layer, new_goal=False)
-            of_path = edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
-            reached = reached - of_path[:, path[second]]
-            total = _changed(self.edge_cost[second - 1], rng) + reached[:, None]
-            total = total + of_path
-            parent = np.argmin(total, axis=0)
-            reached = total[parent, np.arange(layer.n_nodes)] + _changed(self.node_cost[second], rng)
-            before = with_history(layer, before, parent)
+            edges = _changed(self.edge_cost[second - 1], rng)
+            reached, parent, before = self._step(before, rest, second, reached, edges, path[second])
+            reached = reached + _changed(self.node_cost[second], rng)
             parents.append(parent)
         found = [int(np.argmin(reached))]
         for parent in reversed(parents):
             found.append(int(parent[found[-1]]))
         return np.array(found[::-1])
+
+    def _started(self, layer: Layer) -> Any:
+        """What `_step` begins with."""
+        return layer
+
+    def _step(
+        self,
+        before: Any,
+        rest: _Rest,
+        second: int,
+        reached: NDArray[np.float64],
+        edges: NDArray[np.floating],
+        node: int,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], Any]:
+        """The costs (N,) of the cheapest beginnings of a pass that end in each node, without its own cost.
+
+        `reached` (P,) are those of the second before, with the history `before`, and with the rest of the
+        path, which continues with `node`. `edges` (P, N) do not depend on the path. Returns also the parents
+        (N,) of the nodes, and their history.
+        """
+        layer = self.layers[second]
+        seen = rest.added_to(before, second, new_goal=layer.new_goal)
+        layer_in_goal = changed_layer(layer, new_goal=False)
+        of_path = edge_costs(seen, layer_in_goal, self.of_path, self.song_features)
+        total = edges + (reached - of_path[:, node])[:, None]
+        total = total + of_path
+        parent = np.argmin(total, axis=0)
+        return total[parent, np.arange(layer.n_nodes)], parent, with_history(layer, before, parent)
 
 
 def cheapest(
@@ -208,3 +239,77 @@ class _Rest:
             take_usage_s=layer.take_usage_s + self.take_usage_s[second],
             danced=np.where(np.isnan(layer.danced), self.danced, layer.danced),
         )
+
+
+# The same search, compiled for the built-in costs that depend on the path.
+
+
+# Of each of P nodes: turn_rad (P,), take_usage_s (P, takes), danced (P, R), motif_counts (P, M).
+_History = tuple[Any, ...]
+
+
+class _CompiledNodes(CheapNodes):
+    """`CheapNodes` whose steps are compiled. Paths and costs are those of `CheapNodes`, to the bit."""
+
+    @cached_property
+    def _of_one(self) -> dict[tuple[int, int], tuple[Any, ...]]:
+        return {}
+
+    @cached_property
+    def _weights(self) -> NDArray[np.float32]:
+        of = {type(weighted.cost): weighted.weight for weighted in self.of_path}
+        return np.array([of.get(kind, 0.0) for kind in COMPILED], np.float32)
+
+    @cached_property
+    def _arrays(self) -> list[tuple[Any, ...]]:
+        """What `path_kernels.extended` reads of the nodes of every second."""
+        of = {type(weighted.cost): weighted.cost for weighted in self.of_path}
+        form, signature = cast(FormCost | None, of.get(FormCost)), cast(Signature | None, of.get(Signature))
+        return [arrays_of(layer, form, signature, self.song_features) for layer in self.layers]
+
+    def cost(self, path: AnyInts) -> float:
+        """As `CheapNodes.cost`."""
+        first = self._node(0, path)
+        reached = self.node_cost[0][path[:1]] + _first_cost(first, self.of_path, self.song_features)
+        before: _History = self._started(with_history(first, first))
+        none = _Rest.of([first])
+        for second in range(1, len(path)):
+            edge = self.edge_cost[second - 1][path[second - 1], path[second]]
+            arguments: tuple[Any, ...] = (
+                self._weights, np.full((1, 1), edge), reached + self.node_cost[second][path[second]],
+                NO_NODE, *before, *self._one_node(second - 1, path)[:2], none.take_usage_s[0], none.danced,
+                none.motif_counts[0], *self._one_node(second, path)[2:],
+            )  # fmt: skip
+            reached, _, *after = extended(*arguments)
+            before = tuple(after)
+        return float(reached[0])
+
+    def _one_node(self, second: int, path: AnyInts) -> tuple[Any, ...]:
+        """The arrays of the node of a path in a second."""
+        key = second, int(path[second])
+        if key not in self._of_one:
+            arrays, node = self._arrays[second], slice(key[1], key[1] + 1)
+            self._of_one[key] = (*(array[node] for array in arrays[:OF_NODES]), *arrays[OF_NODES:])
+        return self._of_one[key]
+
+    def _started(self, layer: Layer) -> _History:
+        return (
+            np.ascontiguousarray(layer.turn_rad), np.ascontiguousarray(layer.take_usage_s),
+            np.ascontiguousarray(layer.danced), np.ascontiguousarray(layer.motif_counts),
+        )  # fmt: skip
+
+    def _step(
+        self,
+        before: _History,
+        rest: _Rest,
+        second: int,
+        reached: NDArray[np.float64],
+        edges: NDArray[np.floating],
+        node: int,
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], _History]:
+        arguments: tuple[Any, ...] = (
+            self._weights, edges, reached, node, *before, *self._arrays[second - 1][:2],
+            rest.take_usage_s[second], rest.danced, rest.motif_counts[second], *self._arrays[second][2:],
+        )  # fmt: skip
+        best, parent, *history = extended(*arguments)
+        return best, parent, tuple(history)

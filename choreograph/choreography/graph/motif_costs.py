@@ -121,13 +121,18 @@ class Signature(Cost):
         return self._costs(_counts_before(previous, next), next)
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        step_cost = self._step_cost[self._part[next.second]]
+        step_cost = self.step_costs(next.second)
         least = step_cost[np.arange(len(step_cost)), _counts_before(previous, next)].min(axis=0)  # (K,)
         bounds: AnyFloats = np.append(least, 0.0)[next.motifs].sum(axis=1)
         return bounds
 
+    def step_costs(self, second: int) -> NDArray[np.float32]:
+        """The costs of one more word of each motif in a second, by the number of its words so far (K, C)."""
+        step_cost: NDArray[np.float32] = self._step_cost[self._part[second]]
+        return step_cost
+
     def _costs(self, counts: NDArray[np.integer], layer: Layer) -> NDArray[np.float32]:
-        step_cost = self._step_cost[self._part[layer.second]]
+        step_cost = self.step_costs(layer.second)
         total: NDArray[np.float32] = _motif_count_costs(step_cost, counts, np.ascontiguousarray(layer.motifs))
         return total
 

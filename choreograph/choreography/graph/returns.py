@@ -18,7 +18,7 @@ from choreograph.music.song_features import SongFeatures
 
 _VARIED_COUNTS = 4  # at the end of what returns, where other music follows
 _VARIED_WEIGHT = 0.5
-_SAME_FRAMES = 0.25 * NET_FPS  # largest distance of two positions in a take that are the same figure
+SAME_FRAMES = 0.25 * NET_FPS  # largest distance of two positions in a take that are the same figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class FormCost(Cost):
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
         total: NDArray[np.float32] | None = None
-        for number, share in _moments(next):
+        for number, share in moments_of(next):
             danced = previous.danced[:, number]
             if np.isnan(danced).all():
                 continue
@@ -152,7 +152,7 @@ class FormCost(Cost):
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         least = np.zeros(next.n_nodes)
-        for number, share in _moments(next):
+        for number, share in moments_of(next):
             values = np.unique(previous.danced[:, number])
             least += self._cost(number, values[:, None], positions(next, share)).min(axis=0)
         return least
@@ -160,10 +160,10 @@ class FormCost(Cost):
     def _cost(self, number: int, danced: AnyFloats, here: AnyFloats) -> NDArray[np.float32]:
         """The cost of positions at one end of a pair, by what is danced at the other. 0 if nothing is yet."""
         away = np.abs(danced - here)
-        is_wrong = away > _SAME_FRAMES if self.returns.is_return[number] else away <= _SAME_FRAMES
+        is_wrong = away > SAME_FRAMES if self.returns.is_return[number] else away <= SAME_FRAMES
         return np.float32(self.returns.weights[number]) * is_wrong.astype(np.float32)
 
 
-def _moments(layer: Layer) -> Moments:
+def moments_of(layer: Layer) -> Moments:
     """The moments that a second is, and the one that it returns to."""
     return layer.moments if layer.returns is None else (*layer.moments, (layer.returns, MIDDLE))

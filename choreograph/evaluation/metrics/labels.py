@@ -41,6 +41,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
+from choreograph.music.beats import cached_librosa
 from choreograph.music.mel import log_mel, mel_band_hz, onset_envelopes
 
 PAIRS = ("openness", "intensity", "rhythm", "asymmetry")
@@ -245,12 +246,10 @@ def _angular_acceleration_rad_s2(pos: Floats) -> Floats:
 
 def _onset_times_s(mel: NDArray[np.floating]) -> Floats:
     """Onset times, (O,), in log-mel (T, 96) at 60 fps."""
-    from choreograph.music.cached_librosa import librosa
-
     strength = onset_envelopes(mel).mean(axis=1)
     if not strength.any():
         return np.zeros(0)
-    frames = librosa.onset.onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
+    frames = cached_librosa().onset.onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
     return frames_to_seconds(frames, MUSIC_FPS)
 
 
@@ -258,9 +257,7 @@ def _notes_semitones(samples: NDArray[np.float32], onsets_s: Floats) -> Floats:
     """Median fundamental just after each onset, (O,), in whole semitones above 1 Hz."""
     if len(onsets_s) == 0:
         return np.zeros(0)
-    from choreograph.music.cached_librosa import librosa
-
-    hz = librosa.yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
+    hz = cached_librosa().yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
     pitch = 12 * np.log2(hz)
     first = np.minimum((onsets_s * SAMPLE_RATE_HZ / _PITCH_HOP).astype(np.int64), len(pitch) - 1)
     return np.array([np.rint(np.median(pitch[frame : frame + _NOTE_FRAMES])) for frame in first])
