@@ -219,10 +219,18 @@ def distances_from_product(
     n_a, n_b = product.shape
     for i in range(n_a):
         for j in range(n_b):
-            both = sq_a[i] + sq_b[j]
-            d = both - np.float32(2.0) * product[i, j]
-            product[i, j] = np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
+            product[i, j] = distance_from_product(product[i, j], sq_a[i], sq_b[j], scale)
     return product
+
+
+@njit(inline="always")
+def distance_from_product(
+    product: Any, sq_a: Any, sq_b: Any, scale: Any
+) -> Any:  # pragma: no cover - compiled
+    """One of the `distances_from_product`."""
+    both = sq_a + sq_b
+    d = both - np.float32(2.0) * product
+    return np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
 
 
 @njit(
@@ -261,13 +269,16 @@ def random_numbers(keys: NDArray[np.uint64], seed: int) -> NDArray[np.float64]:
 def rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:
     """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
 
-    n_joints = a.shape[1]
-    flat_a = np.ascontiguousarray(a, np.float32).reshape(len(a), -1)
-    flat_b = np.ascontiguousarray(b, np.float32).reshape(len(b), -1)
-    sq_a = np.einsum("pd,pd->p", flat_a, flat_a)
-    sq_b = np.einsum("nd,nd->n", flat_b, flat_b)
-    distances_m: AnyFloats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, np.float32(1.0 / n_joints))
+    (flat_a, sq_a), (flat_b, sq_b) = flat_poses(a), flat_poses(b)
+    scale = np.float32(1.0 / a.shape[1])
+    distances_m: AnyFloats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, scale)
     return distances_m
+
+
+def flat_poses(poses: AnyFloats) -> tuple[F32, F32]:
+    """Poses (N, 21, 3) as vectors (N, 63), and the squares (N,) of their lengths."""
+    flat = np.ascontiguousarray(poses, np.float32).reshape(len(poses), -1)
+    return flat, np.einsum("nd,nd->n", flat, flat)
 
 
 def rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:

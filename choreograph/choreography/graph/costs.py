@@ -18,7 +18,7 @@ from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core import installed
 from choreograph.core.arguments import unexpected
-from choreograph.core.numerics import AnyFloats
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
 from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
@@ -27,8 +27,8 @@ from choreograph.settings import COST_GROUP
 USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
 TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
 _LAST_POSE = 6.0  # of 1 - cos of the heading of the last pose
-_STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
-_OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
+STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
+OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
 
 
 class Style(Cost):
@@ -58,12 +58,16 @@ class Completeness(Cost):
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         cost = np.ones((previous.n_nodes, next.n_nodes), np.float32)
         here, there = previous.successors_in(next)
+        cost[here, there] = self.staying(previous, next, here, there)
+        return cost
+
+    def staying(self, previous: Layer, next: Layer, here: AnyInts, there: AnyInts) -> AnyFloats:
+        """The costs (M,) of going from nodes `here` (M,) to their successors `there` (M,)."""
         last = np.nan_to_num(previous.last_beat[here], nan=0.0)
         first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
         gap = NODE_FRAMES - last + first  # frames, at most two seconds
         by_beats = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
-        cost[here, there] = np.where(previous.time_map_id[here] >= 0, 0.0, by_beats)
-        return cost
+        return np.where(previous.time_map_id[here] >= 0, 0.0, by_beats)
 
 
 class Transition(Cost):
@@ -95,7 +99,7 @@ class Velocity(Cost):
         speed_m_s = 0.5 * (
             rms_speed_m_s(previous.last_velocity_m_s)[:, None] + rms_speed_m_s(next.first_velocity_m_s)
         )
-        return difference_m_s / (speed_m_s + np.float32(_STILL_M_S))
+        return difference_m_s / (speed_m_s + np.float32(STILL_M_S))
 
 
 class Rhythm(Cost):
@@ -305,7 +309,7 @@ class Repeat(Cost):
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         again: AnyFloats = revisits(
             previous.take, np.ascontiguousarray(previous.take_frames[:, 1]),
-            next.take, np.ascontiguousarray(next.take_frames[:, 0]), _OVERLAP_FRAMES, CLIP_FRAMES,
+            next.take, np.ascontiguousarray(next.take_frames[:, 0]), OVERLAP_FRAMES, CLIP_FRAMES,
         )  # fmt: skip
         return again
 

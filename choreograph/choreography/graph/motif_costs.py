@@ -208,20 +208,19 @@ class MotifTransition(Cost):
         self._cost = [_transition_costs(goal, song_features.n_seconds / n_words) for _, goal in goals]
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        total: AnyFloats = self._cost_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
+        total: AnyFloats = self.costs_at(layer)[layer.motifs[:, :-1], layer.motifs[:, 1:]].sum(axis=1)
         return total
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        total: AnyFloats = self._cost_at(next)[_last_motif(previous)[:, None], _first_motif(next)]
+        total: AnyFloats = self.costs_at(next)[last_motif(previous)[:, None], first_motif(next)]
         return total
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        least: AnyFloats = self._cost_at(next)[np.unique(_last_motif(previous))].min(axis=0)[
-            _first_motif(next)
-        ]
+        least: AnyFloats = self.costs_at(next)[np.unique(last_motif(previous))].min(axis=0)[first_motif(next)]
         return least
 
-    def _cost_at(self, layer: Layer) -> NDArray[np.float32]:
+    def costs_at(self, layer: Layer) -> NDArray[np.float32]:
+        """Costs (K + 1, K + 1) by the last motif and the next, in the second of a layer. -1 is none."""
         of_layer: NDArray[np.float32] = self._cost[self._part[layer.second]]
         return of_layer
 
@@ -255,12 +254,12 @@ def words_between(song_features: SongFeatures, first_second: int, stop_second: i
     return int(((middles_s >= first_second) & (middles_s < stop_second)).sum())
 
 
-def _first_motif(layer: Layer) -> NDArray[np.integer]:
+def first_motif(layer: Layer) -> NDArray[np.integer]:
     """The first motif of each node (N,), -1 without words."""
     return layer.motifs[:, 0] if layer.motifs.shape[1] else np.full(layer.n_nodes, NO_MOTIF)
 
 
-def _last_motif(layer: Layer) -> NDArray[np.integer]:
+def last_motif(layer: Layer) -> NDArray[np.integer]:
     """The last motif of each node (N,), -1 without words."""
     n_words = (layer.motifs != NO_MOTIF).sum(axis=1)
     last = layer.motifs[np.arange(layer.n_nodes), n_words - 1] if layer.motifs.shape[1] else NO_MOTIF

@@ -23,8 +23,8 @@ COMPILED: tuple[type[Cost], ...] = (Front, Variety, FormCost, Signature)  # in t
 NO_NODE = -1
 OF_NODES = 8  # of the `arrays_of` a layer, the first ones, which have a row for each node
 _USAGE_KEPT = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
-_PER_USAGE = np.float32(1.0 / USAGE_SCALE_S)
-_SLACK = 1e-4  # of a bound, for rounding errors of costs
+PER_USAGE = np.float32(1.0 / USAGE_SCALE_S)
+_SLACK = 1e-4  # of a bound, times the weights, for rounding errors of costs
 
 
 def arrays_of(
@@ -78,9 +78,9 @@ def extended(
     n_a, n_b = edges.shape
     before = (
         np.cos(turn_rad), np.sin(turn_rad), np.cos(turn_rad + end_rad), np.sin(turn_rad + end_rad), next_part,
-        usage_s, *_seen(danced, counts, rest_danced, rest_counts, number, new_goal),
+        usage_s, *seen_of(danced, counts, rest_danced, rest_counts, number, new_goal),
     )  # fmt: skip
-    repeats, bound = _bounds(weights, before[-1], motifs, step_cost)
+    repeats, bound = bounds_of(weights, weights[3], before[-1], motifs, step_cost)
     nodes = (
         take, np.cos(start_rad), np.sin(start_rad), part, series, places, is_return, form_weight, motifs,
         repeats,
@@ -135,7 +135,6 @@ def _evaluate(
     cos_turn, sin_turn, cos_end, sin_end, next_part, usage_s, seen_danced, seen = before
     take, cos_start, sin_start, part, series, places, is_return, form_weight, motifs, repeats = nodes
     steer = constants[2], constants[3]
-    most, n_words = step_cost.shape[1] - 1, motifs.shape[1]
     has_usage = weights[1] != 0.0 and usage_s.shape[1] > 0
     for i in range(rows[0], rows[1]):
         turn, end = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
@@ -152,28 +151,43 @@ def _evaluate(
                 )  # fmt: skip
                 total += weights[0] * np.float32(front)
             if has_usage:
-                total += weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * _PER_USAGE)
+                total += weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
             if weights[2] != 0.0:
-                form = np.float32(0.0)
-                for m in range(len(form_weight)):
-                    away = abs(seen_danced[i, m] - places[j, m])
-                    wrong = away > SAME_FRAMES if is_return[m] else away <= SAME_FRAMES
-                    form += form_weight[m] if wrong else np.float32(0.0)
-                total += weights[2] * form
+                total += weights[2] * form_of(i, j, seen_danced, places, is_return, form_weight)
             if weights[3] != 0.0:
-                words = np.float32(0.0)
-                for w in range(n_words):
-                    motif = motifs[j, w]
-                    if motif < 0:
-                        break
-                    words += step_cost[motif, min(seen[i, motif] + repeats[j, w], most)]
-                total += weights[3] * words
+                total += weights[3] * words_of(i, j, seen, motifs, repeats, step_cost)
             costs[i, j] = cost + total
             least[j] = min(least[j], costs[i, j])
 
 
+@njit(inline="always")
+def form_of(
+    i: int, j: int, danced: Any, places: Any, is_return: Any, form_weight: Any
+) -> Any:  # pragma: no cover - compiled
+    """The `FormCost` of an edge, from positions (P, m) of the beginnings and (N, m) of the nodes."""
+    form = np.float32(0.0)
+    for m in range(len(form_weight)):
+        away = abs(danced[i, m] - places[j, m])
+        wrong = away > SAME_FRAMES if is_return[m] else away <= SAME_FRAMES
+        form += form_weight[m] if wrong else np.float32(0.0)
+    return form
+
+
+@njit(inline="always")
+def words_of(
+    i: int, j: int, counts: Any, motifs: Any, repeats: Any, step_cost: Any
+) -> Any:  # pragma: no cover - compiled
+    """The `Signature` cost of an edge, from the motif counts (P, M) of the beginnings."""
+    words, most = np.float32(0.0), step_cost.shape[1] - 1
+    for w in range(motifs.shape[1]):
+        if motifs[j, w] < 0:
+            break
+        words += step_cost[motifs[j, w], min(counts[i, motifs[j, w]] + repeats[j, w], most)]
+    return words
+
+
 @njit()
-def _seen(
+def seen_of(
     danced: Any, counts: Any, rest_danced: Any, rest_counts: Any, number: Any, new_goal: bool
 ) -> tuple[Any, Any]:  # pragma: no cover - compiled
     """Positions (P, m) and motif counts (P, M) of each beginning with the rest of the path."""
@@ -188,12 +202,13 @@ def _seen(
 
 
 @njit()
-def _bounds(
-    weights: Any, seen: Any, motifs: Any, step_cost: Any
+def bounds_of(
+    weights: Any, weight: Any, seen: Any, motifs: Any, step_cost: Any
 ) -> tuple[Any, Any]:  # pragma: no cover - compiled
-    """How many earlier words of a node have the same motif (N, W), and lower bounds (N,) of `_of_path`.
+    """How many earlier words of a node have the same motif (N, W), and lower bounds (N,) of the costs.
 
-    A word costs more, the more often its motif has been danced. The other costs are never below 0.
+    `weight` is that of the signature. A word costs more, the more often its motif has been danced. The other
+    costs are never below 0.
     """
     fewest = np.full(seen.shape[1], np.iinfo(np.int16).max)
     for i in range(len(seen)):
@@ -206,8 +221,8 @@ def _bounds(
                 break
             for v in range(w):
                 repeats[j, w] += motifs[j, v] == motifs[j, w]
-            if weights[3] != 0.0:
+            if weight != 0.0:
                 count = min(fewest[motifs[j, w]] + repeats[j, w], step_cost.shape[1] - 1)
-                bound[j] += weights[3] * step_cost[motifs[j, w], count]
-        bound[j] = -np.inf if weights.min() < 0.0 else bound[j] - _SLACK * (1.0 + abs(bound[j]))
+                bound[j] += weight * step_cost[motifs[j, w], count]
+        bound[j] = -np.inf if weights.min() < 0.0 else bound[j] - _SLACK * (1.0 + weights.sum())
     return repeats, bound

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,26 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs, weighted_terms
+from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs, weighted_terms
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
+from choreograph.choreography.graph.forward import N_THREADS, Steps
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including, with_history
-from choreograph.choreography.graph.motif_costs import MOTIF_COSTS
-from choreograph.choreography.graph.returns import FormCost
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
-from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
-
-_PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
-_BLOCK = 128  # predecessors whose edges are evaluated at once: 1 MB at 2,048 nodes
-_THREADS = min(4, os.cpu_count() or 1)
-_MIN_EDGES_FOR_THREADS = 100_000  # a millisecond's work
-_PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of edges of this size
-_ROUNDING = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +85,11 @@ def _search(
     layer = with_history(layer, layer)
     node_keys = [_node_keys(layer)]
     parents: list[NDArray[np.int32]] = []
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(N_THREADS) as pool:
+        step = Steps(costs, song_features, pool)
         for second in range(1, source.n_seconds):
             following, node_cost = allowed_nodes(source.layer(second), costs, song_features)
-            best, parent = _viterbi_step(layer, following, reached, costs, song_features, pool)
+            best, parent = step(layer, following, reached)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
             if greedy is not None and not greedy.extend(following, node_cost, costs, song_features):
@@ -197,102 +188,6 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
         last = int(parent[last])
         found.append(int(here[last]))
     return found[::-1]
-
-
-@njit(
-    "void(float32[::1], float32[:,::1], float32[::1], int32[::1])",
-    nogil=True,
-)
-def _cheapest_predecessors(
-    reached: NDArray[np.float32],
-    edges: NDArray[np.float32],
-    least: NDArray[np.float32],
-    rows: NDArray[np.int32],
-) -> None:  # pragma: no cover - compiled
-    """Write the least reached[i] + edges[i, j] of each column j to `least` (N,), and i to `rows` (N,)."""
-    n_a, n_b = edges.shape
-    for i in range(n_a):
-        for j in range(n_b):
-            cost = reached[i] + edges[i, j]
-            if cost < least[j]:
-                least[j] = cost
-                rows[j] = i
-
-
-def _viterbi_step(
-    layer: Layer,
-    following: Layer,
-    reached: NDArray[np.float64],
-    costs: Sequence[WeightedCost],
-    song_features: SongFeatures,
-    pool: ThreadPoolExecutor,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
-
-    The method is branch and bound. First the edges inside segments are evaluated, one into each node, and
-    then all predecessors, cheapest first, in growing blocks. A predecessor whose cost plus the lower bound of
-    a jump exceeds the best path found into a node cannot improve it. Such rows and columns of the edges are
-    not evaluated. The result is that of all edges.
-    """
-    best, parent = _continue_segments(layer, following, reached, costs, song_features)
-    order = np.argsort(reached, kind="stable")
-    order = order[np.isfinite(reached[order])]
-    with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
-    thread_safe = all(type(w.cost) in (*BUILTIN_COSTS, *MOTIF_COSTS, FormCost) for w in with_edges)
-    bound = np.zeros(following.n_nodes)
-    for w in with_edges:
-        bound += (
-            w.weight * w.cost.min_edge_costs(layer, following, song_features) if w.weight > 0 else -np.inf
-        )
-    start = 0
-    while start < len(order):
-        block = order[start : start + max(_BLOCK, start)]
-        start += len(block)
-        # The float32 sums of edges may be below their bound by a rounding error.
-        improvable = np.flatnonzero(best > reached[block[0]] + bound - _ROUNDING)
-        if len(improvable) == 0:
-            break
-        if len(improvable) > _PRUNE_BELOW * following.n_nodes:
-            improvable = np.arange(following.n_nodes)
-        # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
-        in_threads = thread_safe and len(block) * len(improvable) > _MIN_EDGES_FOR_THREADS
-
-        def improve(part: NDArray[np.int64], block: NDArray[np.int64] = block) -> None:
-            there = following if len(part) == following.n_nodes else following.subset(part)
-            edges = edge_costs(layer.subset(block), there, costs, song_features)
-            rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
-            beyond = (reached[block] - reached[block[0]]).astype(np.float32)
-            _cheapest_predecessors(beyond, edges, least, rows)
-            cost = reached[block[rows]] + edges[rows, np.arange(len(part))]
-            better = cost < best[part]
-            best[part[better]] = cost[better]
-            parent[part[better]] = block[rows[better]]
-
-        if in_threads:
-            list(pool.map(improve, np.array_split(improvable, _THREADS)))
-        else:
-            improve(improvable)
-    return best, parent
-
-
-def _continue_segments(
-    layer: Layer,
-    following: Layer,
-    reached: NDArray[np.float64],
-    costs: Sequence[WeightedCost],
-    song_features: SongFeatures,
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Cost of reaching each node from its predecessor in the same segment, inf without, and that node."""
-    best = np.full(following.n_nodes, np.inf)
-    parent = np.zeros(following.n_nodes, np.int64)
-    here, there = layer.successors_in(following)
-    before, after = layer.subset(here), following.subset(there)
-    for start in range(0, len(here), _PAIR_BLOCK):
-        block = slice(start, start + _PAIR_BLOCK)  # of which a layer is a view, without a copy
-        edges = edge_costs(before.subset(block), after.subset(block), costs, song_features)
-        best[there[block]] = reached[here[block]] + np.diagonal(edges)
-    parent[there] = here
-    return best, parent
 
 
 def _path_with_costs(
