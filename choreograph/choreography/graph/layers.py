@@ -316,12 +316,11 @@ def joined_layers(parts: Sequence[Layer]) -> Layer:
     return changed_layer(parts[0], **arrays)
 
 
-def one_per_time_map(parts: Sequence[Layer]) -> Layer:
-    """The nodes of several layers of one second, in order, with only the first node of each time map."""
-    layer = joined_layers(parts)
-    time_map_id = layer.time_map_id
-    if not (time_map_id >= 0).any():
-        return layer
+def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
+    """The indices of the nodes of each part of a layer, of which each time map has only the first node."""
+    time_map_id = np.concatenate(time_map_ids)
     own_id = -1 - np.arange(len(time_map_id))
     _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
-    return layer.subset(np.sort(first))
+    first, stops = np.sort(first), np.cumsum([len(ids) for ids in time_map_ids])
+    found = np.split(first, np.searchsorted(first, stops[:-1]))
+    return [nodes - (stop - len(ids)) for nodes, stop, ids in zip(found, stops, time_map_ids, strict=True)]

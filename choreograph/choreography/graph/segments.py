@@ -17,6 +17,7 @@ from choreograph.choreography.graph.layers import (
     PoseBank,
     changed_layer,
     facing,
+    joined_layers,
     one_per_time_map,
 )
 from choreograph.choreography.graph.warp_kernels import segment_beats
@@ -197,9 +198,6 @@ def _density_mismatch(
     return mismatch
 
 
-_ALL = slice(None)
-
-
 @dataclass(frozen=True, eq=False)
 class ClipTable:
     """Columns of the repertoire's clips and takes that layers contain."""
@@ -214,11 +212,11 @@ class ClipTable:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    """Bodies of K segments where takes may change, at their five borders."""
+    """Bodies of M nodes where takes may change, at both borders of their second."""
 
-    pose_m: AnyFloats  # (5, K, 21, 3) in the root frame
-    velocity_m_s: AnyFloats  # (5, K, 21, 3)
-    heading_rad: AnyFloats  # (K, 5) from the front of the take
+    pose_m: AnyFloats  # (2, M, 21, 3) in the root frame
+    velocity_m_s: AnyFloats  # (2, M, 21, 3)
+    heading_rad: AnyFloats  # (M, 2) from the front of the take
 
 
 class LayerSource:
@@ -268,7 +266,6 @@ class LayerSource:
         self._moments = moments or [()] * len(segments.clip)
         self._returns = returns or [None] * len(segments.clip)
         self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
-        self._latest_borders: dict[int, _Borders] = {}
         self._contents: dict[int, bytes] = {}
 
     @property
@@ -280,10 +277,20 @@ class LayerSource:
         """All nodes active in `second`."""
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
         layer = self._memory.value(
-            lambda: one_per_time_map([self._quarter(start, second - start) for start in reversed(inserted)]),
+            lambda: self._layer(second, inserted[::-1]),
             second, [self._content(start) for start in inserted], self._n_motifs,
         )  # fmt: skip
         return self._in_dance(layer)
+
+    def _layer(self, second: int, starts: Sequence[int]) -> Layer:
+        """The nodes of the segments inserted at `starts`, one of each time map."""
+        kept = one_per_time_map([self._segments.time_map_id[start] for start in starts])
+        quarters = [
+            self._quarter(start, second - start, nodes)
+            for start, nodes in zip(starts, kept, strict=True)
+            if len(nodes)
+        ]
+        return joined_layers(quarters)
 
     def _content(self, start: int) -> bytes:
         """A digest of the segments inserted at `start`, and of where they are joined."""
@@ -309,50 +316,38 @@ class LayerSource:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
         segment, offset = divmod(key, SEGMENT_S)
         start, rank = divmod(segment, self._segments.clip.shape[1])
-        # Indexing copies: a view would keep the time maps of all candidates alive.
-        return self._in_dance(self._quarter(start, offset, slice(rank, rank + 1)).subset(np.array([0])))
+        return self._in_dance(self._quarter(start, offset, np.array([rank])))
 
-    def _borders(self, start: int) -> _Borders:
-        """`_make_borders` of all segments. The latest results are kept.
-
-        An `lru_cache` of a method would keep the source alive, and with it all time maps.
-        """
-        if start not in self._latest_borders:
-            # A layer contains the last four insertions, and the planner uses two layers.
-            if len(self._latest_borders) > SEGMENT_S:
-                self._latest_borders.pop(next(iter(self._latest_borders)))
-            self._latest_borders[start] = self._make_borders(start)
-        return self._latest_borders[start]
-
-    def _make_borders(self, start: int, part: slice = _ALL) -> _Borders:
-        """The bodies at the five borders of the segments inserted at `start`."""
-        clip = self._segments.clip[start, part]
-        maps = self._segments.time_maps[start, part]
-        joins = (self._join_times_s[start : start + SEGMENT_S + 1] - start) * NET_FPS  # (5,) output frames
+    def _borders(self, start: int, offset: int, nodes: AnyInts) -> _Borders:
+        """The bodies at both borders of quarter `offset` of some segments that are inserted at `start`."""
+        clip = self._segments.clip[start, nodes]
+        maps = self._segments.time_maps[start, nodes]
+        joins_s = self._join_times_s[start + offset : start + offset + 2] - start
+        joins = joins_s * NET_FPS  # (2,) output frames
         low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
-        speed = maps[:, low + 1] - maps[:, low]  # (K, 5) source frames per output frame
-        borders = maps[:, low] + (joins - low) * speed  # (K, 5)
-        pose, velocity = self._poses.poses_m(np.repeat(clip, 5), borders.ravel())
-        shape = (len(clip), 5, *pose.shape[1:])
+        speed = maps[:, low + 1] - maps[:, low]  # (M, 2) source frames per output frame
+        borders = maps[:, low] + (joins - low) * speed  # (M, 2)
+        pose, velocity = self._poses.poses_m(np.repeat(clip, 2), borders.ravel())
+        shape = (len(clip), 2, *pose.shape[1:])
         velocity = velocity.reshape(shape) * speed[:, :, None, None]
         return _Borders(
             pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1),
             self._poses.headings_rad(clip, borders),
         )  # fmt: skip
 
-    def _quarter(self, start: int, offset: int, part: slice = _ALL) -> Layer:
-        """Quarter `offset` of the segments inserted at `start`, as the part of a layer that they make."""
+    def _quarter(self, start: int, offset: int, part: AnyInts) -> Layer:
+        """Quarter `offset` of some segments inserted at `start`, as the part of a layer that they make."""
         segments, clips = self._segments, self._clips
         clip = segments.clip[start, part]
         take = clips.take[clip]
         k = segments.clip.shape[1]
-        borders = self._borders(start) if part == _ALL else self._make_borders(start, part)
+        borders = self._borders(start, offset, part)
         window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
         source_frames = segments.time_maps[start, part, window]  # (K, 21)
         headings = self._poses.headings_rad(clip, source_frames)  # (K, 21)
         return Layer(
             second=start + offset,
-            segment=start * k + np.arange(k)[part],
+            segment=start * k + part,
             offset=np.full(len(clip), offset),
             clip=clip,
             take=take,
@@ -371,16 +366,16 @@ class LayerSource:
             enter_penalty=segments.phrase_penalty[start, part, offset],
             leave_penalty=segments.phrase_penalty[start, part, offset + 1],
             heading_rad=headings,
-            join_heading_rad=borders.heading_rad[:, offset : offset + 2],
+            join_heading_rad=borders.heading_rad,
             facing=facing(headings),
             turn_rad=np.zeros(len(clip)),
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             steps=clips.steps[clip],
             source_frames=source_frames,
-            first_pose_m=borders.pose_m[offset],
-            last_pose_m=borders.pose_m[offset + 1],
-            first_velocity_m_s=borders.velocity_m_s[offset],
-            last_velocity_m_s=borders.velocity_m_s[offset + 1],
+            first_pose_m=borders.pose_m[0],
+            last_pose_m=borders.pose_m[1],
+            first_velocity_m_s=borders.velocity_m_s[0],
+            last_velocity_m_s=borders.velocity_m_s[1],
             motifs=self._motifs[start, part, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
             danced=np.zeros((len(clip), 0)),
