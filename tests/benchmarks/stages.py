@@ -1,6 +1,6 @@
 """CPU seconds of a dance by stage, beside a loop that takes a known amount of work.
 
-    OMP_NUM_THREADS=1 python tests/benchmarks/stages.py [--seconds 60 180] [--engines graph] [--repertoire REP]
+    OMP_NUM_THREADS=1 python tests/benchmarks/stages.py [--seconds 60 180] [--engines graph] [--repertoire R]
 
 Stages are functions of the program, which are replaced by ones that measure the CPU time of all threads. A
 stage does not include the stages inside it. All stages of a dance add up to the CPU time of the dance.
@@ -14,6 +14,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -133,9 +134,9 @@ def main() -> None:
         for seconds in options.seconds:
             song = song_of(seconds, Path(folder))
             for engine in options.engines:
-                arguments = {"engine": engine, "duration_s": seconds}
-                cg.dance(song, repertoire, **arguments)  # compiles, and keeps the analysis
-                spent = measured(lambda: cg.dance(song, repertoire, **arguments))
+                make = partial(cg.dance, song, repertoire, engine=engine, duration_s=seconds)
+                make()  # compiles, and keeps the analysis
+                spent = measured(make)
                 for name, cpu_s in (*spent.items(), ("sum", sum(spent.values()))):
                     print(f"{engine}, {seconds:g} s, {name}: {cpu_s:.3f}", flush=True)
 

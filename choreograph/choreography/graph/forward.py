@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -208,17 +208,16 @@ class _Nodes:
     """What the compiled edges read of the nodes of one second."""
 
     def __init__(self, layer: Layer, of: dict[type[Cost], WeightedCost], song_features: SongFeatures) -> None:
-        form, signature, transition = (of.get(kind) for kind in (FormCost, Signature, MotifTransition))
+        form, signature = _cost_of(FormCost, of), _cost_of(Signature, of)
+        transition = _cost_of(MotifTransition, of)
         (
             self.end_rad, self.next_part, self.take, self.start_rad, self.part, self.series, self.places,
             self.motifs, self.number, self.is_return, self.form_weight, self.step_cost, self.constants, *_,
-        ) = arrays_of(
-            layer, form.cost if form else None, signature.cost if signature else None, song_features
-        )  # fmt: skip
+        ) = arrays_of(layer, form, signature, song_features)  # fmt: skip
         self._first = layer.first_pose_m
         self.transition_cost = np.zeros((1, 1), np.float32)
         if transition is not None:
-            self.transition_cost = np.ascontiguousarray(transition.cost.costs_at(layer))
+            self.transition_cost = np.ascontiguousarray(transition.costs_at(layer))
         self.weights = np.array([of[kind].weight if kind in of else 0.0 for kind in _ORDER], np.float32)
         self.first, first_sq = flat_poses(layer.first_pose_m)
         self.last, last_sq = flat_poses(layer.last_pose_m)
@@ -237,6 +236,14 @@ class _Nodes:
     def is_of(self, layer: Layer) -> bool:
         """Whether these are the nodes of a layer, whatever their history."""
         return layer.first_pose_m is self._first
+
+
+_Kind = TypeVar("_Kind", bound=Cost)
+
+
+def _cost_of(kind: type[_Kind], of: dict[type[Cost], WeightedCost]) -> _Kind | None:
+    cost = of[kind].cost if kind in of else None
+    return cost if isinstance(cost, kind) else None
 
 
 class _CompiledEdges(_Edges):
@@ -285,7 +292,8 @@ class _CompiledEdges(_Edges):
 
     def bound(self, costs: Sequence[WeightedCost]) -> Floats:
         bound = super().bound([w for w in costs if type(w.cost) is not Signature])
-        return bound + self._least
+        with_words: Floats = bound + self._least
+        return with_words
 
     def cheapest(
         self, block: AnyInts, part: AnyInts, beyond: F32, most: Floats
