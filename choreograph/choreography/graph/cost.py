@@ -322,7 +322,14 @@ def turned_costs(
         for j in range(n_b):
             continues = next_part[i] == part[j]
             costs[i, j] = turned_cost(
-                continues, turn, end, (cos_b[j], sin_b[j]), steer, series[j], constant, of_rotation
+                continues,
+                turn,
+                end,
+                (cos_b[j], sin_b[j]),
+                steer,
+                (series[j, 0], series[j, 1], series[j, 2], series[j, 3]),
+                constant,
+                of_rotation,
             )
     return costs
 

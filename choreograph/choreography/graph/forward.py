@@ -211,8 +211,9 @@ class _Nodes:
         form, signature = _cost_of(FormCost, of), _cost_of(Signature, of)
         transition = _cost_of(MotifTransition, of)
         (
-            self.end_rad, self.next_part, self.take, self.start_rad, self.part, self.series, self.places,
-            self.motifs, self.number, self.is_return, self.form_weight, self.step_cost, self.constants, *_,
+            self.end_rad, self.next_part, self.take, self.start_rad, self.part, self.series,
+            self.least_front, self.places, self.motifs, self.number, self.is_return, self.form_weight,
+            self.step_cost, self.constants, *_,
         ) = arrays_of(layer, form, signature, song_features)  # fmt: skip
         self._first = layer.first_pose_m
         self.transition_cost = np.zeros((1, 1), np.float32)
@@ -373,8 +374,8 @@ def _cheapest_edges(
                 continue
             if weights[4] != 0.0:
                 front = turned_cost(
-                    continues, turn, end_turn, (cos_start[j], sin_start[j]), steer, series[j], constants[0],
-                    TURNED_TAKE,
+                    continues, turn, end_turn, (cos_start[j], sin_start[j]), steer,
+                    (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
                 )  # fmt: skip
                 total += weights[4] * np.float32(front)
             if has_usage:

@@ -52,6 +52,7 @@ class CheapNodes:
     of_path: tuple[WeightedCost, ...]  # costs that depend on the path
     song_features: SongFeatures
     _one: dict[tuple[int, int], Layer] = field(default_factory=dict)  # layers of one node, by second and node
+    _next: dict[bytes, NDArray[np.int64]] = field(default_factory=dict)  # the result of a pass, by its path
 
     @staticmethod
     def of(
@@ -109,7 +110,10 @@ class CheapNodes:
         """The best path, and its cost, after passes that start with `path` until one gains nothing."""
         cost = self.cost(path)
         while self.of_path:
-            found = self._pass(path)
+            # Descents from several starts meet.
+            if path.tobytes() not in self._next:
+                self._next[path.tobytes()] = self._pass(path)
+            found = self._next[path.tobytes()]
             found_cost = self.cost(found)
             if found_cost > cost - _LEAST_GAIN:
                 break

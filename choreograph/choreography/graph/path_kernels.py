@@ -21,7 +21,7 @@ from choreograph.music.song_features import SongFeatures
 
 COMPILED: tuple[type[Cost], ...] = (Front, Variety, FormCost, Signature)  # in the order of their sum
 NO_NODE = -1
-OF_NODES = 8  # of the `arrays_of` a layer, the first ones, which have a row for each node
+OF_NODES = 9  # of the `arrays_of` a layer, the first ones, which have a row for each node
 _USAGE_KEPT = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
 PER_USAGE = np.float32(1.0 / USAGE_SCALE_S)
 _SLACK = 1e-4  # of a bound, times the weights, for rounding errors of costs
@@ -45,6 +45,7 @@ def arrays_of(
     return (
         end_rad, layer.next_part.astype(np.int64), layer.take.astype(np.int64), start_rad,
         layer.part.astype(np.int64), series.astype(np.float64),
+        np.asarray(Front().min_edge_costs(layer, layer, song_features), np.float64),
         np.stack([*places, np.zeros(layer.n_nodes)], axis=1), layer.motifs.astype(np.int16), number,
         is_return, form_weight, step_cost, np.array([constant, *steer]),
         len(layer.moments) if moments else 0, layer.new_goal,
@@ -55,8 +56,8 @@ def arrays_of(
     "Tuple((float64[::1], int64[::1], float64[::1], float32[:,::1], float64[:,::1], int16[:,::1]))("
     "float32[::1], float32[:,::1], float64[::1], int64, float64[::1], float32[:,::1], float64[:,::1], "
     "int16[:,::1], float32[::1], int64[::1], float32[::1], float64[::1], int16[::1], int64[::1], "
-    "float32[::1], int64[::1], float64[:,::1], float64[:,::1], int16[:,::1], int64[::1], bool_[::1], "
-    "float32[::1], float32[:,::1], float64[::1], int64, bool_)",
+    "float32[::1], int64[::1], float64[:,::1], float64[::1], float64[:,::1], int16[:,::1], int64[::1], "
+    "bool_[::1], float32[::1], float32[:,::1], float64[::1], int64, bool_)",
     nogil=True,
 )
 def extended(
@@ -64,7 +65,8 @@ def extended(
     turn_rad: AnyFloats, usage_s: AnyFloats, danced: AnyFloats, counts: AnyInts,
     end_rad: AnyFloats, next_part: AnyInts,
     rest_usage_s: AnyFloats, rest_danced: AnyFloats, rest_counts: AnyInts,
-    take: AnyInts, start_rad: AnyFloats, part: AnyInts, series: AnyFloats, places: AnyFloats, motifs: AnyInts,
+    take: AnyInts, start_rad: AnyFloats, part: AnyInts, series: AnyFloats, least_front: AnyFloats,
+    places: AnyFloats, motifs: AnyInts,
     number: AnyInts, is_return: NDArray[np.bool_], form_weight: AnyFloats, step_cost: AnyFloats,
     constants: AnyFloats, n_own: int, new_goal: bool,
 ) -> tuple[Any, ...]:  # fmt: skip  # pragma: no cover - compiled
@@ -82,19 +84,19 @@ def extended(
     )  # fmt: skip
     repeats, bound = bounds_of(weights, weights[3], before[-1], motifs, step_cost)
     nodes = (
-        take, np.cos(start_rad), np.sin(start_rad), part, series, places, is_return, form_weight, motifs,
-        repeats,
+        take, np.cos(start_rad), np.sin(start_rad), part, series, least_front, places, is_return, form_weight,
+        motifs, repeats,
     )  # fmt: skip
     others = before, nodes, weights, rest_usage_s, step_cost, constants
     costs, least = np.empty((n_a, n_b)), np.full(n_b, np.inf)
     if path_node >= 0:
         nothing = np.zeros((n_a, n_b), np.float32)
-        _evaluate((0, n_a), (path_node, path_node + 1), np.zeros(n_a), nothing, bound, least, costs, *others)
+        every, unbounded = np.arange(n_a), np.full(n_b, -np.inf)
+        here = path_node, path_node + 1
+        _evaluate(every, here, np.zeros(n_a), nothing, unbounded, least, costs, *others)
         reached = reached - costs[:, path_node]
         least[path_node] = np.inf
-    first = np.argmin(reached)
-    _evaluate((first, first + 1), (0, n_b), reached, edges, bound, least, costs, *others)
-    _evaluate((0, n_a), (0, n_b), reached, edges, bound, least, costs, *others)
+    _evaluate(np.argsort(reached), (0, n_b), reached, edges, bound, least, costs, *others)
     best, parent = np.full(n_b, np.inf), np.zeros(n_b, np.int64)
     for i in range(n_a):
         for j in range(n_b):
@@ -133,25 +135,33 @@ def _evaluate(
     are added as by `edge_costs`.
     """
     cos_turn, sin_turn, cos_end, sin_end, next_part, usage_s, seen_danced, seen = before
-    take, cos_start, sin_start, part, series, places, is_return, form_weight, motifs, repeats = nodes
+    take, cos_start, sin_start, part, series, least_front, places, is_return, form_weight, motifs, repeats = (
+        nodes
+    )
     steer = constants[2], constants[3]
     has_usage = weights[1] != 0.0 and usage_s.shape[1] > 0
-    for i in range(rows[0], rows[1]):
+    for i in rows:
         turn, end = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
         for j in range(columns[0], columns[1]):
             cost = np.float64(edges[i, j]) + reached[i]
             if cost + bound[j] > least[j]:
                 costs[i, j] = np.inf
                 continue
+            continues, usage = next_part[i] == part[j], np.float32(0.0)
+            if has_usage:
+                usage = weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
+            front_at_least = 0.0 if continues else weights[0] * least_front[j]
+            if cost + bound[j] + usage + front_at_least > least[j]:
+                costs[i, j] = np.inf
+                continue
             total = np.float32(0.0)
             if weights[0] != 0.0:
                 front = turned_cost(
-                    next_part[i] == part[j], turn, end, (cos_start[j], sin_start[j]), steer,
-                    series[j], constants[0], TURNED_TAKE,
+                    continues, turn, end, (cos_start[j], sin_start[j]), steer,
+                    (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
                 )  # fmt: skip
                 total += weights[0] * np.float32(front)
-            if has_usage:
-                total += weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
+            total += usage
             if weights[2] != 0.0:
                 total += weights[2] * form_of(i, j, seen_danced, places, is_return, form_weight)
             if weights[3] != 0.0:
