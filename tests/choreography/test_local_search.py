@@ -62,7 +62,7 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
     cheap, source, costs, song_features = searched(3, n_seconds=8, k=4, n_motifs=n_motifs)
     path = plan_exact(source, costs, song_features)
     nodes = [
-        including(nodes, (node, np.zeros(1)))[1]
+        including(nodes, node.segment[0], node.offset[0], lambda: None)[1]
         for nodes, node in zip(zip(cheap.layers, cheap.node_cost, strict=True), path.nodes, strict=True)
     ]
     assert path.total == pytest.approx(cheap.cost(np.array(nodes)), abs=1e-3)
@@ -129,10 +129,12 @@ def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
     reached[[1, 3, 6, 7]] = 4.0, 1.0, 2.0, 3.0
     few, cost = cheapest(layer, np.arange(layer.n_nodes, dtype=float), reached)
     assert cost.tolist() == [3.0, 6.0, 7.0]
-    (with_node, its_cost), index = including((few, cost), (layer.subset(np.array([1])), np.array([9.0])))
+    one = layer.subset(np.array([1]))
+    key = one.segment[0], one.offset[0]
+    (with_node, its_cost), index = including((few, cost), *key, lambda: (one, np.array([9.0])))
     assert index == 3 and its_cost.tolist() == [3.0, 6.0, 7.0, 9.0]
     assert with_node.segment.tolist() == layer.segment[[3, 6, 7, 1]].tolist()
-    assert including((few, cost), (layer.subset(np.array([6])), np.array([9.0])))[1] == 1
+    assert including((few, cost), layer.segment[6], layer.offset[6], lambda: None)[1] == 1
 
 
 def test_usage_of_the_rest_counts_as_much_as_that_of_the_beginning():

@@ -344,11 +344,11 @@ def turned_cost(
     end: _Angle,
     start: _Angle,
     steer: _Angle,
-    series: AnyFloats,
+    series: tuple[float, float, float, float],
     constant: float,
     of_rotation: float,
 ) -> float:  # pragma: no cover - compiled
-    """One of the `turned_costs`. `end` is that of `turn_rad` + `end_rad`, and `series` has the shape (4,)."""
+    """One of the `turned_costs`. `end` is that of `turn_rad` + `end_rad`, and `series` those of the node."""
     cosine, sine, rotated = turn[0], turn[1], 0.0
     if not continues:
         joined_cos = end[0] * start[0] + end[1] * start[1]

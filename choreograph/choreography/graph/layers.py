@@ -297,7 +297,12 @@ def joined_rad(turn_rad: AnyFloats, end_rad: AnyFloats, start_rad: AnyFloats, st
 def positions(layer: Layer, share: float) -> AnyFloats:
     """The take and frame of each node after a `share` of its second, as one number (N,) in frames."""
     first, last = layer.take_frames.T
-    found: AnyFloats = layer.take * float(_TAKE_FRAMES) + first + share * (last - first)
+    return position(layer.take, first, last, share)
+
+
+def position(take: AnyInts, first: AnyFloats, last: AnyFloats, share: float) -> AnyFloats:
+    """`positions` of nodes by their takes, and their first and last frames in them."""
+    found: AnyFloats = take * float(_TAKE_FRAMES) + first + share * (last - first)
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -18,7 +18,7 @@ from choreograph.choreography.graph.layers import (
     Layer,
     changed_layer,
     joined_layers,
-    positions,
+    position,
 )
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.path_kernels import COMPILED, NO_NODE, OF_NODES, arrays_of, extended
@@ -126,7 +126,7 @@ class CheapNodes:
         With `rng`, costs are changed at random. Where a beginning has another node in second t than `path`,
         the difference in cost is that with the rest of `path` after t.
         """
-        rest = _Rest.of([self._node(second, path) for second in range(len(path))])
+        rest = _Rest.of(self.layers, path)
         seen = rest.added_to(self.layers[0], 0)
         reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
         before = self._started(with_history(self.layers[0], self.layers[0]))
@@ -180,12 +180,16 @@ def cheapest(
 
 
 def including(
-    nodes: tuple[Layer, NDArray[np.float64]], node: tuple[Layer, NDArray[np.float64]]
+    nodes: tuple[Layer, NDArray[np.float64]],
+    segment: int,
+    offset: int,
+    make: Callable[[], tuple[Layer, NDArray[np.float64]]],
 ) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
-    """The nodes of a second with `node` added, unless they contain it, and the index of `node`."""
-    (layer, cost), (one, its_cost) = nodes, node
-    found = np.flatnonzero((layer.segment == one.segment[0]) & (layer.offset == one.offset[0]))
+    """The nodes of a second with another one, which is made unless they contain it, and its index."""
+    layer, cost = nodes
+    found = np.flatnonzero((layer.segment == segment) & (layer.offset == offset))
     if len(found) == 0:
+        one, its_cost = make()
         return (joined_layers([layer, one]), np.append(cost, its_cost)), len(cost)
     return nodes, int(found[0])
 
@@ -216,22 +220,26 @@ class _Rest:
     danced: NDArray[np.float64]  # (R,) positions in the seconds that return to each moment
 
     @classmethod
-    def of(cls, nodes: Sequence[Layer]) -> _Rest:
-        """Count them along a path, given as layers of one node."""
-        counts = np.zeros((len(nodes), nodes[0].motif_counts.shape[1]), np.int16)
-        usage_s = np.zeros((len(nodes), nodes[0].take_usage_s.shape[1]), np.float32)
-        for second in range(len(nodes) - 2, -1, -1):
-            node = nodes[second + 1]
-            if counts.shape[1] and not node.new_goal:
+    def of(cls, layers: Sequence[Layer], path: AnyInts) -> _Rest:
+        """Count them along a path (S,) through the nodes of layers."""
+        counts = np.zeros((len(path), layers[0].motif_counts.shape[1]), np.int16)
+        usage_s = np.zeros((len(path), layers[0].take_usage_s.shape[1]), np.float32)
+        kept = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
+        for second in range(len(path) - 2, -1, -1):
+            layer, node = layers[second + 1], path[second + 1]
+            if counts.shape[1] and not layer.new_goal:
                 counts[second] = counts[second + 1]
-                np.add.at(counts[second], node.motifs[0][node.motifs[0] >= 0], 1)
+                for motif in layer.motifs[node].tolist():
+                    if motif >= 0:
+                        counts[second, motif] += 1
             if usage_s.shape[1]:
-                usage_s[second] = usage_s[second + 1] * np.float32(np.exp(-1.0 / USAGE_DECAY_S))
-                usage_s[second, node.take[0]] += 1.0
-        danced = np.full(nodes[0].danced.shape[1], np.nan)
-        for node in nodes:
-            if node.returns is not None:
-                danced[node.returns] = positions(node, MIDDLE)[0]
+                usage_s[second] = usage_s[second + 1] * kept
+                usage_s[second, layer.take[node]] += 1.0
+        danced = np.full(layers[0].danced.shape[1], np.nan)
+        for layer, node in zip(layers, path, strict=True):
+            if layer.returns is not None:
+                first, last = layer.take_frames[node]
+                danced[layer.returns] = position(layer.take[node], first, last, MIDDLE)
         return cls(counts, usage_s, danced)
 
     def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
@@ -276,7 +284,7 @@ class _CompiledNodes(CheapNodes):
         first = self._node(0, path)
         reached = self.node_cost[0][path[:1]] + _first_cost(first, self.of_path, self.song_features)
         before: _History = self._started(with_history(first, first))
-        none = _Rest.of([first])
+        none = _Rest.of([first], np.zeros(1, np.int64))
         for second in range(1, len(path)):
             edge = self.edge_cost[second - 1][path[second - 1], path[second]]
             arguments: tuple[Any, ...] = (

@@ -44,11 +44,11 @@ def arrays_of(
     steer = layer.steer_rad, np.cos(layer.steer_rad), np.sin(layer.steer_rad)
     return (
         end_rad, layer.next_part.astype(np.int64), layer.take.astype(np.int64), start_rad,
-        layer.part.astype(np.int64), series.astype(np.float64),
+        layer.part.astype(np.int64), np.ascontiguousarray(series, np.float64),
         np.asarray(Front().min_edge_costs(layer, layer, song_features), np.float64),
-        np.stack([*places, np.zeros(layer.n_nodes)], axis=1), layer.motifs.astype(np.int16), number,
-        is_return, form_weight, step_cost, np.array([constant, *steer]),
-        len(layer.moments) if moments else 0, layer.new_goal,
+        np.stack([*places, np.zeros(layer.n_nodes)], axis=1),
+        np.ascontiguousarray(layer.motifs, np.int16), number, is_return, form_weight, step_cost,
+        np.array([constant, *steer]), len(layer.moments) if moments else 0, layer.new_goal,
     )  # fmt: skip
 
 
@@ -196,7 +196,10 @@ def words_of(
     return words
 
 
-@njit()
+@njit(
+    "Tuple((float64[:,::1], int16[:,::1]))(float64[:,::1], int16[:,::1], float64[::1], int16[::1], "
+    "int64[::1], bool_)"
+)
 def seen_of(
     danced: Any, counts: Any, rest_danced: Any, rest_counts: Any, number: Any, new_goal: bool
 ) -> tuple[Any, Any]:  # pragma: no cover - compiled
@@ -211,7 +214,9 @@ def seen_of(
     return seen_danced, seen
 
 
-@njit()
+@njit(
+    "Tuple((int64[:,::1], float64[::1]))(float32[::1], float32, int16[:,::1], int16[:,::1], float32[:,::1])"
+)
 def bounds_of(
     weights: Any, weight: Any, seen: Any, motifs: Any, step_cost: Any
 ) -> tuple[Any, Any]:  # pragma: no cover - compiled

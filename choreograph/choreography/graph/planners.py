@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,11 +119,19 @@ def _improved(
     """The keys of the path with these `keys`, or of a cheaper one through cheap nodes of every second."""
     searched, path = [], []
     for key, nodes in zip(keys, cheap_nodes, strict=True):
-        with_node, index = including(nodes, allowed_nodes(source.node(key), costs, song_features))
+        segment, offset = divmod(key, SEGMENT_S)
+        make = partial(_allowed_node, source, key, costs, song_features)
+        with_node, index = including(nodes, segment, offset, make)
         searched.append(with_node)
         path.append(index)
     found = CheapNodes.of(searched, costs, song_features).improved(np.array(path))
     return [int(_node_keys(layer)[node]) for (layer, _), node in zip(searched, found, strict=True)]
+
+
+def _allowed_node(
+    source: LayerSource, key: int, costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> tuple[Layer, NDArray[np.float64]]:
+    return allowed_nodes(source.node(key), costs, song_features)
 
 
 def plan_greedy(
