@@ -176,8 +176,8 @@ class DanceConfig:
 
     weights: Mapping[str, float] = field(default_factory=dict)
     """Weights of costs by name, in place of the defaults. 0 leaves a cost out. A cost of your own has the
-    weight 1 unless it is named here. A cost of another package takes part if it is named here. Used by the
-    graph engine."""
+    weight 1 unless it is named here. A cost of another package takes part if it is named here. Used by all
+    engines. The mixer and the rollout have no built-in costs."""
 
     __repr__ = one_line
 

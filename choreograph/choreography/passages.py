@@ -11,18 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
+from choreograph.choreography.graph.costs import own_costs
+from choreograph.choreography.graph.layers import Layer, WordLayers
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
     MotifGoal,
     allowed_motifs,
     bar_positions,
-    count_numbers,
     draw_motifs_of_parts,
     draw_next_motif,
     lacking,
@@ -30,85 +32,11 @@ from choreograph.choreography.motif_sequences import (
     word_positions,
     words_on_count,
 )
-from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.choreography.slots import PassageSlots, ResolvedConstraints, passage_slots
+from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
-from choreograph.music.form import Form
-
-# The slots of a dance, divided into passages.
-
-
-_SAME_TIME_S = 1e-3
-
-
-@dataclass(frozen=True)
-class PassageSlots:
-    """The slots of one passage of a dance."""
-
-    start: int
-    stop: int  # one after the last
-    place: tuple[int, int, int] | None = None  # equal where the song repeats a phrase. None outside phrases
-    ends: bool = False  # whether it is the last one of its phrase
-
-    @property
-    def slots(self) -> slice:
-        """The slots as an index."""
-        return slice(self.start, self.stop)
-
-    def halves(self) -> tuple[PassageSlots, PassageSlots]:
-        """Two shorter passages without a place."""
-        middle = (self.start + self.stop) // 2
-        return PassageSlots(self.start, middle), PassageSlots(middle, self.stop)
-
-
-def passage_slots(
-    slot_position: Indices, parts: Indices, phrase_counts: int, starts_s: Floats, form: Form
-) -> list[PassageSlots]:
-    """The slots (N,) of a dance as passages, in order.
-
-    A passage begins where a part of the dance or a phrase of the song (`form`) begins. It ends before the
-    start of a bar, if bars are known, as near to `phrase_counts` as possible. The last passage of a phrase
-    may be shorter. `slot_position` (N,) is as in `choreography.motif_sequences`, and `starts_s` (N,) are the
-    times of the slots.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from choreograph.choreography.passages import passage_slots
-    >>> from choreograph.music.form import Form
-    >>> bars_of_three = 300 + np.arange(24) % 3 + 1
-    >>> found = passage_slots(bars_of_three, np.zeros(24, int), 8, np.arange(24.0), Form.empty())
-    >>> [passage.stop - passage.start for passage in found]
-    [9, 9, 6]
-    """
-    n_slots = len(slot_position)
-    bars = np.flatnonzero(count_numbers(slot_position) == 1)
-    first_slots = np.searchsorted(starts_s, [phrase.start_s - _SAME_TIME_S for phrase in form.phrases])
-    on_bar = np.isin(first_slots, bars)
-    labels = {int(first_slots[i]): label for i, label in enumerate(form.labels) if on_bar[i]}
-    changes = np.flatnonzero(np.diff(parts)) + 1
-    borders = np.unique([0, *changes.tolist(), *bars[:1].tolist(), *labels, n_slots])
-    passages = []
-    for start, stop in pairwise(borders.tolist()):
-        first, index = start, 0
-        while first < stop:
-            last = passage_stop(first, stop, bars, phrase_counts)
-            place = (labels[start], index, last - first) if start in labels else None
-            passages.append(PassageSlots(first, last, place, ends=last == stop))
-            first, index = last, index + 1
-    return passages
-
-
-def passage_stop(start: int, stop: int, bars: Indices, phrase_counts: int) -> int:
-    """The slot before which a passage ends that begins at `start`, at most `stop`.
-
-    It is the start of a bar (`bars`, slots) if one is in between, as near to `phrase_counts` as possible.
-    """
-    inside = bars[(bars > start) & (bars < stop)]
-    possible = np.append(inside if len(inside) else np.arange(start + 1, stop), stop)
-    return int(possible[np.abs(possible - (start + phrase_counts)).argmin()])
-
 
 # Passages of takes, and the draw of one.
 
@@ -134,7 +62,7 @@ class TakeWords:
     def runs(
         self, slot_position: Indices, takes: NDArray[np.bool_], allowed: NDArray[np.bool_]
     ) -> NDArray[np.int64]:
-        """Motifs (M, L) of all runs of words of one of the `takes` (takes,) that fit L slots.
+        """All runs of words (M, L) of one of the `takes` (takes,) that fit L slots.
 
         Each word begins on the count of its slot (L,), and is of a motif that is `allowed` (L, K) there.
         """
@@ -145,7 +73,7 @@ class TakeWords:
         for slot, wanted in enumerate(slot_position):
             word = first + slot
             first = first[words_on_count(wanted, self.position, word) & allowed[slot, motif[word]]]
-        runs: NDArray[np.int64] = motif[first[:, None] + np.arange(length)]
+        runs: NDArray[np.int64] = first[:, None] + np.arange(length)
         return runs
 
 
@@ -172,6 +100,7 @@ def draw_passage(
     allowed: NDArray[np.bool_],
     need: str,
     rng: np.random.Generator,
+    costs: Floats | None = None,
 ) -> Indices | None:
     """The motifs (L,) of a passage for L slots, or None if no run of words fits them.
 
@@ -179,7 +108,8 @@ def draw_passage(
     are still lacking in the signature. Otherwise, runs of words are drawn by equation 5 of Rhythm is a
     Dancer, as `draw_motifs` draws motifs. The weight of a run is the share of its motifs that are lacking if
     it is danced all its times, to the power 8 for each time, times the probability of the transitions to its
-    first motif and from its last one. The other arguments are as in `TakeWords.runs` and `draw_motifs`.
+    first motif and from its last one. With `costs` (L, W) of words in these slots, it is also divided by e
+    for each unit that the run costs. The other arguments are as in `TakeWords.runs` and `draw_motifs`.
     """
     length = len(slot_position)
     again = danced.returning
@@ -187,10 +117,15 @@ def draw_passage(
         lacks = lacking(danced.counts, goal.signature, danced.n_words, need)
         if not danced.may_vary or _share_lacking(again[None], lacks)[0] >= _RETURNS:
             return again
-    runs = words.runs(slot_position, takes, allowed)
-    if len(runs) == 0:
+    words_of_runs = words.runs(slot_position, takes, allowed)
+    cost = np.zeros(len(words_of_runs))
+    if costs is not None:
+        cost = costs[np.arange(length), words_of_runs].sum(axis=1)
+        words_of_runs, cost = words_of_runs[np.isfinite(cost)], cost[np.isfinite(cost)]
+    if len(cost) == 0:
         return None
-    joins = np.ones(len(runs))
+    runs = words.vocabulary.word_motif[words_of_runs]  # (M, L)
+    joins = np.exp(cost.min() - cost)
     if danced.previous is not None:
         joins *= goal.transitions[danced.previous, runs[:, 0]] + _UNSEEN
     if danced.following is not None:
@@ -211,6 +146,70 @@ def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
     return share
 
 
+# Costs of the user for motion words.
+#
+# The words of a slot are the nodes of a layer. A cost counts for as long as the word lasts, so that a second
+# of words costs as much as a second of the graph engine.
+
+
+@dataclass(frozen=True, eq=False)
+class WordCosts:
+    """The costs of the user for the words of a dance, weighted."""
+
+    request: DanceRequest
+    bounds_s: Floats  # (N + 1,) of the slots
+    costs: tuple[WeightedCost, ...]  # one or more
+
+    @classmethod
+    def of(cls, request: DanceRequest, constraints: ResolvedConstraints, engine: str) -> WordCosts | None:
+        """Those of a request, or None if it has no costs. Raises as `own_costs`."""
+        costs = own_costs(request.config, request.costs, engine)
+        return cls(request, constraints.bounds_s, costs) if costs else None
+
+    def of_words(self) -> Floats:
+        """Costs (N, W) of all words in every slot. They are `inf` for words of banned takes.
+
+        Raises `ParameterError` for values that a cost must not return, and `NoPathError` if every word of the
+        genre is forbidden in a slot.
+        """
+        constraints, take = self.request.constraints, self.request.repertoire.vocabulary.word_take
+        words = np.flatnonzero(constraints.take_allowed[take])
+        costs = np.full((len(self.bounds_s) - 1, len(take)), np.inf)
+        for slot, costs_here in enumerate(costs):
+            costs_here[words] = self._of_nodes(slot, words)
+            finite, wanted = np.isfinite(costs_here), constraints.take_wanted[slot, take]
+            if not finite[wanted if wanted.any() else words].any():
+                raise NoPathError(
+                    f"every word of the genre at {self.bounds_s[slot]:.1f} s is forbidden: relax a cost that "
+                    "returns inf"
+                )
+        return costs
+
+    def _of_nodes(self, slot: int, words: Indices) -> Floats:
+        """Costs (M,) of words in a slot."""
+        layer, features, total = self._layer(slot, words), self.request.song_features, np.zeros(len(words))
+        for _, cost in weighted_terms(self.costs, lambda c: c.node(layer, features), total.shape):
+            total += cost * self._length_s(slot)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def of_edges(self, slot: int, before: Indices, words: Indices) -> Floats:
+        """Costs (M, M') of going to words (M',) of a slot from words (M,) of the slot before."""
+        layers = self._layer(slot - 1, before), self._layer(slot, words)
+        costs = edge_costs(*layers, self.costs, self.request.song_features).astype(np.float64)
+        return costs * self._length_s(slot)
+
+    def _length_s(self, slot: int) -> float:
+        return float(self.bounds_s[slot + 1] - self.bounds_s[slot])
+
+    def _layer(self, slot: int, words: Indices) -> Layer:
+        second = min(int(self.bounds_s[slot : slot + 2].mean()), self.request.song_features.n_seconds - 1)
+        return self._layers.layer(words, slot, second, self._length_s(slot))
+
+    @cached_property
+    def _layers(self) -> WordLayers:
+        return WordLayers(self.request.repertoire)
+
+
 # The motifs of a whole dance.
 
 
@@ -224,12 +223,14 @@ def draw_dance(
     rng: np.random.Generator,
     pins: Mapping[int, int],
     banned: Collection[int],
+    costs: Floats | None = None,
 ) -> Indices:
     """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
 
     `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
     passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute", positions in
-    the bar are not regarded, as in Rhythm is a Dancer. Raises as `draw_motifs`.
+    the bar are not regarded, as in Rhythm is a Dancer. The `costs` (N, W) of the user (`WordCosts`) choose
+    among passages. Raises as `draw_motifs`.
     """
     config, material = request.config, request.material
     words = TakeWords.of(request.repertoire)
@@ -239,6 +240,8 @@ def draw_dance(
     if config.phrase_counts == 1 and config.motif_draw == "absolute":
         position = np.full(len(starts_s), UNKNOWN)
     possible = possible_motifs(position, words.position, constraints.take_wanted, words.vocabulary)
+    if costs is not None:
+        possible &= _with_a_word(costs, words.vocabulary)
     goals = [part.goal for part in material.goals]
     if config.phrase_counts == 1:
         return draw_motifs_of_parts(
@@ -259,6 +262,7 @@ def draw_dance(
         drawn = draw_passage(
             words, goal, danced, slot_position=position[here], takes=constraints.take_wanted[passage.start],
             allowed=allowed[here], need=config.motif_draw, rng=rng,
+            costs=None if costs is None else costs[here],
         )  # fmt: skip
         if drawn is None and passage.stop - passage.start > 1:
             to_draw[:0] = passage.halves()
@@ -269,6 +273,14 @@ def draw_dance(
             if allowed[same.slots][np.arange(len(drawn)), drawn].all():
                 motifs[same.slots] = drawn
     return motifs
+
+
+def _with_a_word(costs: Floats, vocabulary: Vocabulary) -> NDArray[np.bool_]:
+    """Motifs (N, K) that have a word with a finite cost (N, W) in each slot."""
+    found = np.zeros((len(costs), vocabulary.n_motifs), bool)
+    slot, word = np.nonzero(np.isfinite(costs))
+    found[slot, vocabulary.word_motif[word]] = True
+    return found
 
 
 def _is_same(passage: PassageSlots, other: PassageSlots, parts: Indices) -> bool:

@@ -159,11 +159,19 @@ class ClipMotion:
         clip_start_frame: AnyInts,
     ) -> None:
         self._read = read
+        self._takes = takes
         self._counts = counts
         self._clip_take = clip_take
         self._clip_start_frame = clip_start_frame
         self._genres = [take.credits.genre for take in takes]
         self._take_rows = np.array([take.body for take in takes], np.int64)  # (takes, 2)
+
+    def of_takes(self) -> ClipMotion:
+        """The same features by take: take i is clip i, and its frames are those of the take."""
+        n_takes = len(self._take_rows)
+        return ClipMotion(
+            self._read, self._takes, self._counts, np.arange(n_takes), np.zeros(n_takes, np.int64)
+        )
 
     def body_pos_m(self, take: int) -> NDArray[np.float32]:
         """A take's 21 joints at 20 fps, (T, 21, 3)."""

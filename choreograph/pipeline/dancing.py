@@ -207,7 +207,7 @@ def dance(
     bans : takes, genres and motifs that must not be danced
     keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are planned again
     existing : a dance to the same part of the song, as made by `dance` or as a .bvh, .npz or plan file
-    costs : custom costs beside the built-in ones, with the weight 1 unless given. Graph engine only
+    costs : custom costs beside those of the engine, with the weight 1 unless given
     start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
         dance, or the whole song
     config : all settings in one object, such as one of `choreograph.settings.published_dance`
@@ -337,7 +337,7 @@ def _danced(
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
-    if kept is not None and kept.plan is not None and "costs" in engine.settings:
+    if kept is not None and kept.plan is not None and "candidates" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(
         song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory

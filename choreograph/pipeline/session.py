@@ -129,7 +129,7 @@ def vary(
     session = Session(song, repertoire, start_s=start_s, duration_s=duration_s)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
-        has_costs = bool(made) and "costs" in engines()[made[0].plan.engine].settings
+        has_costs = bool(made) and "candidates" in engines()[made[0].plan.engine].settings
         avoid = (AvoidRepeating([one.plan for one in made]),) if has_costs else ()
         arguments |= {"config": replace(config, seed=seed), "costs": (*costs, *avoid)}
         one = session.dance(**arguments)

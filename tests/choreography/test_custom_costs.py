@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from synthetic_layers import random_source
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
+from choreograph.choreography.graph.layers import WordLayers
 from choreograph.core.timebase import NET_FPS
-from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
+from choreograph.library.words import poses_at
+from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad, to_root_frame
 from choreograph.music.form import Form, Phrase, Sections
 
 
@@ -97,11 +100,167 @@ def test_a_dance_with_a_cost_of_travel_and_sections(repertoire, tmp_path):
     assert 0 <= stays_m < moves_m
 
 
+class Travel(cg.Cost):
+    """How far the dancer goes."""
+
+    def node(self, layer, song_features):
+        return np.linalg.norm(layer.travel_m([1.0])[:, 0], axis=1)
+
+
+class OfPath(Travel):
+    of_path = True
+
+
+class NoneLeft(cg.Cost):
+    def node(self, layer, song_features):
+        return np.full(layer.n_nodes, np.inf)
+
+
+class OneTake(cg.Cost):
+    def __init__(self, name):
+        self.take = name
+
+    def node(self, layer, song_features):
+        return np.where(layer.take_names == self.take, 0.0, np.inf)
+
+
+def travel_m(dance, repertoire):
+    """How far the takes go in the words of a dance, in metres."""
+    names = [take.name for take in repertoire.takes]
+    way_m = 0.0
+    for word in dance.plan.words:
+        body = repertoire.body_pos_m(names.index(word.take))
+        frames = np.rint(np.array([word.source_start_s, word.source_end_s]) * NET_FPS).astype(int)
+        ground_m = ground_pos_m(body[frames.clip(max=len(body) - 1)].astype(np.float64))
+        way_m += float(np.linalg.norm(ground_m[1] - ground_m[0]))
+    return way_m
+
+
+@pytest.fixture(scope="module")
+def starter():
+    return cg.starter_repertoire()
+
+
+@pytest.fixture(scope="module")
+def house():
+    return cg.load_song(cg.example_songs()["house"]).part(0.0, 16.0)
+
+
+@pytest.mark.parametrize("weight", [200.0, -200.0])
+def test_the_mixer_takes_costs_of_words(starter, house, weight):
+    made = [
+        cg.dance(house, starter, engine="mixer", seed=2, costs=[Travel()], weights={"travel": of})
+        for of in (0.0, weight)
+    ]
+    plain_m, with_cost_m = (travel_m(dance, starter) for dance in made)
+    assert (with_cost_m - plain_m) * weight < 0
+
+
+def test_a_cost_that_is_zero_changes_no_byte(starter, house):
+    plain = cg.dance(house, starter, engine="mixer", seed=2)
+    made = cg.dance(house, starter, engine="mixer", seed=2, costs=[Travel()], weights={"travel": 0.0})
+    np.testing.assert_array_equal(plain.motion.local_quat, made.motion.local_quat)
+
+
+def test_a_take_that_a_cost_leaves_is_the_only_one_in_the_mixer(starter, house):
+    take = next(take.name for take in starter.takes if take.credits.genre == "house")
+    made = cg.dance(house, starter, engine="mixer", costs=[OneTake(take)], genre="house")
+    assert set(made.plan.takes_s()) == {take}
+
+
+def test_the_mixer_takes_costs_of_edges(starter, house):
+    made = cg.dance(house, starter, engine="mixer", phrase_counts=1, genre="house", seed=1)
+    jumps = cg.dance(house, starter, engine="mixer", seed=1, genre="house", costs=[Follow()], phrase_counts=1,
+                     weights={"follow": 100.0})  # fmt: skip
+    assert changes_of(jumps) < changes_of(made)
+
+
+class Follow(cg.Cost):
+    """1 where a word does not follow the one before it in its take."""
+
+    def edge(self, previous, next, song_features):
+        cost = np.ones((previous.n_nodes, next.n_nodes))
+        cost[previous.successors_in(next)] = 0.0
+        return cost
+
+
+def changes_of(dance):
+    return sum(
+        one.take != two.take or abs(one.source_end_s - two.source_start_s) > 1e-3
+        for one, two in pairwise(dance.plan.words)
+    )
+
+
+def test_the_rollout_takes_costs_of_nodes(starter, house):
+    """The passages that steer it are those of the takes that a cost leaves."""
+    v, names = starter.vocabulary, [take.name for take in starter.takes]
+    take = next(take.name for take in starter.takes if take.credits.genre == "house")
+    made = cg.dance(house, starter, engine="rollout", costs=[OneTake(take)], genre="house")
+    of_take = set(v.word_motif[v.words_of_take(names.index(take))].tolist())
+    assert {word.motif for word in made.plan.words} <= of_take
+
+
 @pytest.mark.parametrize("engine", ["mixer", "rollout"])
-def test_engines_that_do_not_plan_seconds_say_so(repertoire, engine, tmp_path):
-    song = cg.load_song(write_clicks(tmp_path / "clicks.wav", duration_s=4.0))
-    with pytest.raises(cg.ParameterError, match=f"expected no costs with the {engine} engine"):
-        cg.dance(song, repertoire, engine=engine, costs=[Recorder()])
+def test_what_engines_of_words_cannot_do_is_said_in_a_line(starter, house, engine):
+    def dance(*costs, **settings):
+        return cg.dance(house, starter, engine=engine, costs=costs, **settings)
+
+    with pytest.raises(cg.ParameterError, match=f"costs without of_path with the {engine} engine"):
+        dance(OfPath())
+    with pytest.raises(cg.ParameterError, match=f"your own costs with the {engine} engine, got 'variety'"):
+        dance(Travel(), weights={"variety": 2.0})
+    with pytest.raises(cg.ParameterError, match="a different name for each cost"):
+        dance(Travel(), Travel())
+    with pytest.raises(cg.NoPathError, match="every word of the genre at"):
+        dance(NoneLeft())
+
+
+def test_what_the_rollout_cannot_do_is_said_in_a_line(starter, house):
+    with pytest.raises(cg.ParameterError, match="expected costs of nodes with the rollout engine"):
+        cg.dance(house, starter, engine="rollout", costs=[Follow()])
+    with pytest.raises(cg.ParameterError, match="expected phrase_counts above 1"):
+        cg.dance(house, starter, engine="rollout", costs=[Travel()], phrase_counts=1)
+
+
+class TravelAndFollow(Travel):
+    def edge(self, previous, next, song_features):
+        return np.zeros((previous.n_nodes, next.n_nodes))
+
+
+def test_the_rollout_notes_that_it_has_no_edges(starter, house):
+    made = cg.dance(house, starter, engine="rollout", costs=[TravelAndFollow()])
+    assert [note for note in made.notes if "only the costs of nodes of travelandfollow" in note]
+
+
+def test_edges_that_forbid_every_way_are_said_in_a_line(starter, house):
+    with pytest.raises(cg.NoPathError, match="every way to slot"):
+        cg.dance(house, starter, engine="mixer", costs=[NoWay()])
+
+
+class NoWay(cg.Cost):
+    def edge(self, previous, next, song_features):
+        return np.full((previous.n_nodes, next.n_nodes), np.inf)
+
+
+def test_layers_of_words_are_the_motion_of_their_takes(starter):
+    """Poses, travel and headings, by hand from the takes. The next word of a take is the successor."""
+    v, layers = starter.vocabulary, WordLayers(starter)
+    words = np.array([3, 200, 40])
+    layer = layers.layer(words, slot=5, second=2, length_s=0.4)
+    middles_s = 0.5 * (v.word_start_s + v.word_end_s)[words]
+    for row, word in enumerate(words):
+        body = starter.body_pos_m(int(v.word_take[word])).astype(np.float64)
+        middle = poses_at(body, NET_FPS, middles_s[row : row + 1])
+        np.testing.assert_allclose(layer.poses_m([0.5])[row], to_root_frame(middle), atol=0.02)
+        ends = poses_at(body, NET_FPS, np.array([v.word_start_s[word], v.word_end_s[word]]))
+        way_m = np.linalg.norm(np.diff(ground_pos_m(ends)[:, ::2], axis=0)[0])
+        assert np.linalg.norm(layer.travel_m([1.0])[row, 0]) == pytest.approx(way_m, abs=2e-3)
+    assert layer.take_names.tolist() == [starter.takes[take].name for take in v.word_take[words]]
+    assert (layer.second, layer.style.shape, layer.motifs[:, 0].tolist()) == (
+        2, (3, 32), v.word_motif[words].tolist(),
+    )  # fmt: skip
+    following = layers.layer(np.array([41, 4, 199, 201]), slot=6, second=2, length_s=0.4)
+    assert [rows.tolist() for rows in layer.successors_in(following)] == [[2, 0, 1], [0, 1, 3]]
 
 
 @pytest.fixture

@@ -14,9 +14,9 @@ from choreograph.choreography.material import Material, SectionGoal, takes_of_ge
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import CandidatePool
 from choreograph.choreography.motif_sequences import UNKNOWN, MotifGoal, motif_goal
-from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_dance, draw_passage, passage_slots
+from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_dance, draw_passage
 from choreograph.choreography.rollout import engine as rollout
-from choreograph.choreography.slots import resolve
+from choreograph.choreography.slots import passage_slots, resolve
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics.structure import n_gram_share

@@ -22,13 +22,14 @@ pytestmark = pytest.mark.slow
 
 STARTER = cg.starter_repertoire()
 TAKE = STARTER.takes[0].name  # of another genre than the song's
+OF_GENRE = next(take.name for take in STARTER.takes if take.credits.genre == "house")
 
 
 class OnlyTake(cg.Cost):
     """One take, whatever it costs."""
 
     def node(self, layer, song_features):
-        return np.where(layer.take_names == TAKE, 0.0, 1000.0)
+        return np.where(layer.take_names == OF_GENRE, 0.0, 1000.0)
 
 
 class Hop(cg.Cost):
@@ -102,7 +103,7 @@ TABLE = {
     "style_song": ({"rollout"}, "other.wav", {"style_strength": 9.0}),
     "config": (ALL, cg.DanceConfig(seed=5), {}),
     "weights": ({"graph"}, {"variety": 100.0, "repeat": 100.0}, {}),
-    "costs": ({"graph"}, [OnlyTake()], {}),
+    "costs": (ALL, [OnlyTake()], {}),
     "start_s": (ALL, 1.3, {}),
     "duration_s": (ALL, 4.0, {}),
 }  # fmt: skip

@@ -19,9 +19,10 @@ from choreograph.music.song_features import SongFeatures
 
 
 class Cost:
-    """A cost of nodes, of edges, or of both, in the graph of the graph engine.
+    """A cost of nodes, of edges, or of both.
 
-    A node is one second of a warped take. An edge leads from a node of one second to a node of the next.
+    A node is one second of a warped take, or in the mixer and the rollout a motion word of a take in one beat.
+    An edge leads from a node of one second, or beat, to a node of the next. The rollout has no edges.
     Subclass `Cost` and override `node`, `edge` or both. Values may have any unit, since the weight of the
     cost scales them. `inf` forbids a node or an edge, and `nan` is an error. `choreograph settings
     weights` prints the first line of the docstring, and what follows "Raise its weight".

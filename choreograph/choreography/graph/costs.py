@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
 from choreograph.choreography.graph.cost import (
     Cost,
+    WeightedCost,
     random_numbers,
     revisits,
     rms_distances,
@@ -18,11 +19,12 @@ from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core import installed
 from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
 from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.settings import COST_GROUP
+from choreograph.settings import COST_GROUP, DanceConfig, resolve_weights
 
 USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
 TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
@@ -352,3 +354,28 @@ def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tup
                 f"a subclass of Cost with the name {name!r} as entry point of {COST_GROUP}", kind
             )
     return tuple(kind() for name, kind in kinds.items() if name not in taken)
+
+
+def own_costs(config: DanceConfig, costs: Sequence[Cost], engine: str) -> tuple[WeightedCost, ...]:
+    """The costs of the user and of other packages with their weights, for an `engine` of motion words.
+
+    Raises `ParameterError` if two share a name, one depends on the path, or a weight is that of another cost.
+    """
+    every = [*costs, *installed_costs(config.weights, costs)]
+    names = [cost.name for cost in every]
+    others = sorted(set(config.weights) - set(names))
+    if others:
+        raise ParameterError(
+            f"expected weights of your own costs with the {engine} engine, got {others[0]!r}: the built-in "
+            "costs belong to the graph engine"
+        )
+    if len(set(names)) != len(names):
+        raise ParameterError(f"expected a different name for each cost, got {', '.join(names)}")
+    of_path = [cost.name for cost in every if cost.of_path]
+    if of_path:
+        raise ParameterError(
+            f"expected costs without of_path with the {engine} engine, got {of_path[0]!r}: use the graph "
+            "engine"
+        )
+    weights = resolve_weights(config.weights, names)
+    return tuple(WeightedCost(cost, weights[cost.name]) for cost in every)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from choreograph.core.arguments import as_floats, check_kind, unexpected
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.progress import one_line
-from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
+from choreograph.core.timebase import CLIP_S, NET_FPS, NODE_FRAMES, SEGMENT_S
+from choreograph.library.repertoire import Repertoire
 
 Moments = tuple[tuple[int, float], ...]  # number of each moment, and after which share of the second it is
 
@@ -55,6 +56,9 @@ class Layer:
     The fields `first_*` belong to the start of the second and `last_*` to its end. The last pose of a node is
     the first pose of its successor in the segment. `poses_m`, `headings_rad` and `travel_m` give the motion
     during the second.
+
+    In the mixer and the rollout, the nodes are the motion words of takes in one beat, and "the second" is that
+    beat. `clip` is then the take, and what belongs to the graph alone is 0, empty or nan.
 
     Examples
     --------
@@ -329,3 +333,55 @@ def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
     first, stops = np.sort(first), np.cumsum([len(ids) for ids in time_map_ids])
     found = np.split(first, np.searchsorted(first, stops[:-1]))
     return [nodes - (stop - len(ids)) for nodes, stop, ids in zip(found, stops, time_map_ids, strict=True)]
+
+
+class WordLayers:
+    """Layers of motion words, for the costs of the user in the engines that dance words."""
+
+    def __init__(self, repertoire: Repertoire) -> None:
+        self._vocabulary, self._bank = repertoire.vocabulary, repertoire.clip_motion.of_takes()
+        names = [(take.name, take.credits.genre) for take in repertoire.takes]
+        self._names, self._genres = np.array(names).T
+        clip = _clips_of_words(repertoire)
+        self._style = np.zeros((len(clip), repertoire.clip_style.shape[1]), np.float32)  # (W, 32)
+        self._style[clip >= 0] = repertoire.clip_style[clip[clip >= 0]]
+        self._steps = np.full(len(clip), 0.5, np.float32)  # (W,)
+        self._steps[clip >= 0] = repertoire.clip_motion.step_ranks[clip[clip >= 0]]
+
+    def layer(self, words: AnyInts, slot: int, second: int, length_s: float) -> Layer:
+        """The words (M,) as the nodes of a slot of the dance, in which they last `length_s`.
+
+        The word that follows in the take is the successor in the next slot.
+        """
+        v, bank, n_words = self._vocabulary, self._bank, len(words)
+        take, start_s, end_s = v.word_take[words], v.word_start_s[words], v.word_end_s[words]
+        shares = np.linspace(0.0, 1.0, NODE_FRAMES + 1)
+        frames = NET_FPS * (start_s[:, None] + (end_s - start_s)[:, None] * shares)  # (M, 21) of the take
+        speed = ((end_s - start_s) / length_s)[:, None, None]
+        (first_m, first_m_s), (last_m, last_m_s) = (bank.poses_m(take, frames[:, at]) for at in (0, -1))
+        headings_rad = bank.headings_rad(take, frames)
+        zeros, none, unknown = np.zeros(n_words), np.zeros((n_words, 0)), np.full(n_words, np.nan)
+        return Layer(
+            second=second, segment=words, offset=np.zeros(n_words, np.int64), clip=take, take=take,
+            take_names=self._names[take], genre=self._genres[take], style=self._style[words],
+            take_usage_s=none, take_frames=frames[:, [0, -1]], density_mismatch=zeros, unmatched_beat=zeros,
+            first_beat=unknown, last_beat=unknown, time_map_id=(take + 1) * _TAKE_FRAMES + words - slot,
+            count_uncertainty=bank.count_uncertainty(take, frames[:, 0], frames[:, -1]), off_bar=zeros,
+            enter_penalty=zeros, leave_penalty=zeros, heading_rad=headings_rad,
+            join_heading_rad=headings_rad[:, [0, -1]], facing=facing(headings_rad), turn_rad=zeros,
+            liveliness=bank.liveliness(take, frames[:, 0], frames[:, 0] + NET_FPS * speed[:, 0, 0]),
+            steps=self._steps[words], source_frames=frames, first_pose_m=first_m, last_pose_m=last_m,
+            first_velocity_m_s=first_m_s * speed, last_velocity_m_s=last_m_s * speed,
+            motifs=v.word_motif[words, None], motif_counts=none.astype(np.int16), danced=none, bank=bank,
+        )  # fmt: skip
+
+
+def _clips_of_words(repertoire: Repertoire) -> AnyInts:
+    """The clip (W,) whose middle is nearest to that of each word, or -1 in a take without clips."""
+    v = repertoire.vocabulary
+    found, middle_s = np.full(len(v.word_take), -1), 0.5 * (v.word_start_s + v.word_end_s)
+    for take in np.unique(repertoire.clip_take):
+        words, clips = v.words_of_take(int(take)), np.flatnonzero(repertoire.clip_take == take)
+        middles_s = repertoire.clip_start_frame[clips] / NET_FPS + CLIP_S / 2
+        found[words] = clips[np.abs(middle_s[words, None] - middles_s).argmin(axis=1)]
+    return found

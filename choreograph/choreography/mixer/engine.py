@@ -19,6 +19,7 @@ from choreograph.choreography.enforcement import (
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.words import (
     SEARCHES,
     CandidatePool,
@@ -26,7 +27,7 @@ from choreograph.choreography.mixer.words import (
     consecutive_slots,
     search_words,
 )
-from choreograph.choreography.passages import draw_dance
+from choreograph.choreography.passages import WordCosts, draw_dance
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Indices
@@ -50,7 +51,17 @@ class MixerEngine:
 
     name = "mixer"
     settings = frozenset(
-        {"planner", "blending", "lock_feet", "keep_on_stage", "front", "motif_draw", "phrase_counts"}
+        {
+            "planner",
+            "blending",
+            "lock_feet",
+            "keep_on_stage",
+            "front",
+            "motif_draw",
+            "phrase_counts",
+            "weights",
+            "costs",
+        }
     )
 
     def check(
@@ -60,11 +71,12 @@ class MixerEngine:
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """As `Engine.check`. It needs motifs, and a planner among `SEARCHES`."""
+        """As `Engine.check`. It needs motifs, a planner among `SEARCHES`, and costs without `of_path`."""
         if config.planner not in SEARCHES:
             raise ParameterError(
                 f"expected a planner among {', '.join(SEARCHES)} for the mixer, got {config.planner!r}"
             )
+        own_costs(config, costs, self.name)
         _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
@@ -134,7 +146,11 @@ def mix(request: DanceRequest) -> MixedDance:
     constraints, config = request.constraints, request.config
     rng = np.random.default_rng(config.seed)
     cut_cost_m = _CUT_COST_M if config.phrase_counts > 1 else 0.0
-    pool = CandidatePool.of(constraints, request.repertoire, rng, nearest=config.planner == "greedy")
+    own = WordCosts.of(request, constraints, MixerEngine.name)
+    pool = CandidatePool.of(
+        constraints, request.repertoire, rng, nearest=config.planner == "greedy",
+        costs=None if own is None else own.of_words(),
+    )  # fmt: skip
     wanted = _motifs(pool, request)
     candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
     if request.kept is not None:
@@ -146,8 +162,9 @@ def mix(request: DanceRequest) -> MixedDance:
     rounds = 0
     while True:
         words = search_words(
-            candidates, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request)
-        )
+            candidates, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request),
+            own_costs=None if own is None else own.of_edges,
+        )  # fmt: skip
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
         mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
@@ -227,7 +244,7 @@ def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
         passage = search_words(of_take, search=request.config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
     banned = np.flatnonzero(~pool.motif_allowed()).tolist()
-    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned)
+    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=pool.costs)
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:

@@ -18,7 +18,7 @@ from choreograph.choreography.motif_sequences import (
 )
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.numerics import AnyFloats, Indices, squared_distances
+from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
@@ -27,6 +27,7 @@ from choreograph.motion.body import clips_to_root_frame, heading_rad
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.plan import PlannedWord
 from choreograph.render.runs import MAX_STEER_RAD
+from choreograph.settings import DEFAULT_WEIGHTS
 
 # The features of words that the mixer compares: poses at their borders, and their motif margin.
 
@@ -139,6 +140,7 @@ _SAFE_MARGIN_M = 0.04  # least motif margin without a cost, since transitions ch
 _SPEED_COST_M = 0.1  # of twice or half its speed
 _OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music
 _TIE_BREAK_M = 0.02  # largest random cost, by the seed
+_M_PER_COST = 1.0 / DEFAULT_WEIGHTS["transition"]  # joint distance that has a cost of 1 in the graph engine
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +183,7 @@ class CandidatePool:
     slot_position: Indices  # (N,) of each slot in the song's bar, see `choreography.motif_sequences`
     word_position: Indices  # (words,) of each word in its take's bar
     nearest: bool = False
+    costs: Floats | None = None  # (N, words) of the user, in each slot
 
     @classmethod
     def of(
@@ -190,6 +193,7 @@ class CandidatePool:
         rng: np.random.Generator,
         *,
         nearest: bool = False,
+        costs: Floats | None = None,
     ) -> CandidatePool:
         """The pool of a repertoire. Raises `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
@@ -198,7 +202,7 @@ class CandidatePool:
         bank = WordBank(vocabulary, repertoire.body_pos_m, embed, bounds_s, border_s)
         slots = bar_positions(constraints.bounds_s[:-1], constraints.counts)
         positions = word_positions(vocabulary, repertoire.counts)
-        return cls(constraints, repertoire, bank, rng, slots, positions, nearest)
+        return cls(constraints, repertoire, bank, rng, slots, positions, nearest, costs)
 
     @property
     def vocabulary(self) -> Vocabulary:
@@ -223,16 +227,17 @@ class CandidatePool:
         wanted = fits & constraints.take_wanted[slot, v.word_take]
         words = np.flatnonzero(wanted if wanted.any() else fits)
         borders_m = self.bank.borders_m(words, self.length_s(slot))
+        own = np.zeros(len(words)) if self.costs is None else _M_PER_COST * self.costs[slot, words]
         if self.nearest:  # the first word of a dance follows none, so it is drawn
             cost = self.rng.random(len(words)) if slot == 0 else np.zeros(len(words))
-            return Candidates(words, v.word_take[words], cost, *borders_m)
+            return Candidates(words, v.word_take[words], cost + own, *borders_m)
         octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
         cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
         takes = v.word_take[words]
         headings_rad = self.bank.headings_rad(words) - self.repertoire.clip_motion.fronts_rad[takes, None]
-        return Candidates(words, takes, cost, *borders_m, headings_rad)
+        return Candidates(words, takes, cost + own, *borders_m, headings_rad)
 
     def motif_allowed(self) -> NDArray[np.bool_]:
         """Motifs (K,) that are not banned and have a word that may be danced."""
@@ -289,6 +294,7 @@ def search_words(
     search: str = "exact",
     cut_cost_m: float = 0.0,
     last_slot: int | None = None,
+    own_costs: Callable[[int, Indices, Indices], Floats] | None = None,
 ) -> Indices:
     """A word for every slot, (N,): the cheapest sequence.
 
@@ -296,7 +302,8 @@ def search_words(
     transition, in metres, and `cut_cost_m` more if it is not the word that follows in the take. Unless the
     search is greedy, it costs more if it is the same word again. If `last_slot` is given, headings away from
     the audience have a cost, too. They are followed along the cheapest path to each word, as by the cost
-    `front` of the graph engine. The last pose of the dance is that at the end of `last_slot`.
+    `front` of the graph engine. The last pose of the dance is that at the end of `last_slot`. The user's
+    `own_costs` (M, M') of a slot, the words (M,) before it and its words (M',) are added.
 
     Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
     forbidden.
@@ -319,9 +326,13 @@ def search_words(
         edges_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=repeat_cost_m)
         if last_slot is not None:
             edges_m += _front_costs_m(before, here, turn_rad, is_last=slot == last_slot)
+        if own_costs is not None:
+            edges_m += _M_PER_COST * own_costs(slot, before.words, here.words)
         paths = reached[:, None] + edges_m  # (M, M')
         parents.append(np.argmin(paths, axis=0))
         reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
+        if not np.isfinite(reached).any():
+            raise NoPathError(f"every way to slot {slot} of the dance is forbidden: relax a cost of inf")
         if last_slot is not None:
             turn_rad = _turned_rad(before, here, turn_rad, parents[-1])
     rows = [int(np.argmin(reached))]

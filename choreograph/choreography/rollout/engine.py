@@ -22,8 +22,9 @@ from choreograph.choreography.enforcement import (
 )
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
-from choreograph.choreography.passages import draw_dance
+from choreograph.choreography.passages import WordCosts, draw_dance
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     HeldPoses,
@@ -33,7 +34,7 @@ from choreograph.choreography.rollout.generation import (
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.numerics import Indices
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
@@ -55,7 +56,16 @@ class RolloutEngine:
 
     name = "rollout"
     settings = frozenset(
-        {"front", "motif_draw", "phrase_counts", "style_song", "style_strength", "style_window"}
+        {
+            "front",
+            "motif_draw",
+            "phrase_counts",
+            "style_song",
+            "style_strength",
+            "style_window",
+            "weights",
+            "costs",
+        }
     )
 
     def check(
@@ -65,7 +75,22 @@ class RolloutEngine:
         constraints: Constraints,
         costs: Sequence[Cost],
     ) -> None:
-        """As `Engine.check`. It needs motifs and a rollout network, and dances no take."""
+        """As `Engine.check`. It needs motifs and a rollout network, and dances no take.
+
+        Costs rate the passages of takes that are drawn, so that they need `Cost.node` and passages.
+        """
+        used = [weighted.cost for weighted in own_costs(config, costs, self.name)]
+        edges_only = [cost.name for cost in used if type(cost).node is Cost.node]
+        if edges_only:
+            raise ParameterError(
+                f"expected costs of nodes with the rollout engine, which generates what is between them, got "
+                f"{edges_only[0]!r}, which has none: use --engine graph or mixer"
+            )
+        if used and config.phrase_counts == 1:
+            raise ParameterError(
+                f"expected phrase_counts above 1 with the cost {used[0].name!r}, got 1: costs rate "
+                "passages, which the rollout dances"
+            )
         genres = repertoire.rollout_genres
         if genres and constraints.signature is not None and constraints.genre is None:
             raise ParameterError(
@@ -77,6 +102,11 @@ class RolloutEngine:
     def plan(self, request: DanceRequest) -> EngineResult:
         """A dance of the network. Each part follows its likely genre unless one is requested."""
         request, notes = _of_one_genre(request)
+        edges = [cost.name for cost in request.costs if type(cost).edge is not Cost.edge]
+        if edges:
+            notes += (
+                f"only the costs of nodes of {', '.join(edges)}: the rollout generates what is between",
+            )
         material, result = request.material, roll_out_motifs(request)
         of_motifs = sequence_notes(request.constraints)
         return replace(result, notes=(*material.notes, *notes, *material.metre_notes, *of_motifs))
@@ -144,9 +174,12 @@ def roll_out_motifs(request: DanceRequest) -> EngineResult:
 def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstraints) -> _Rollout:
     """The first attempt with all requested motifs and no banned one, or that with the fewest wrong ones."""
     best: _Rollout | None = None
+    own = WordCosts.of(request, constraints, RolloutEngine.name)
+    costs = None if own is None else own.of_words()
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
-        motifs = _drawn_motifs(request, constraints, attempt, _held_longer(wrong, attempt, constraints))
+        held = _held_longer(wrong, attempt, constraints)
+        motifs = _drawn_motifs(request, constraints, attempt, held, costs)
         asked = _asked(motifs, best, attempt, constraints, request.repertoire)
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
@@ -255,6 +288,7 @@ def _drawn_motifs(
     constraints: ResolvedConstraints,
     attempt: int,
     held: Mapping[int, int],
+    costs: Floats | None = None,
 ) -> Indices:
     """The motifs of every slot (N,) towards the goal of its part. Another attempt draws others."""
     seed = request.config.seed
@@ -264,6 +298,7 @@ def _drawn_motifs(
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
         pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
         banned=np.flatnonzero(constraints.motif_banned).tolist(),
+        costs=costs,
     )
 
 
