@@ -21,8 +21,8 @@ from choreograph.music.song_features import SongFeatures
 class Cost:
     """A cost of nodes, of edges, or of both.
 
-    A node is one second of a warped take, or in the mixer and the rollout a motion word of a take in one beat.
-    An edge leads from a node of one second, or beat, to a node of the next. The rollout has no edges.
+    A node is one second of a warped take. In the mixer and the rollout, it is a motion word in one beat. An
+    edge leads from a node of one second, or beat, to a node of the next. The rollout has no edges.
     Subclass `Cost` and override `node`, `edge` or both. Values may have any unit, since the weight of the
     cost scales them. `inf` forbids a node or an edge, and `nan` is an error. `choreograph settings
     weights` prints the first line of the docstring, and what follows "Raise its weight".

@@ -57,8 +57,8 @@ class Layer:
     the first pose of its successor in the segment. `poses_m`, `headings_rad` and `travel_m` give the motion
     during the second.
 
-    In the mixer and the rollout, the nodes are the motion words of takes in one beat, and "the second" is that
-    beat. `clip` is then the take, and what belongs to the graph alone is 0, empty or nan.
+    In the mixer and the rollout, the nodes are the motion words of takes in one beat, and "the second" is
+    that beat. `clip` is then the take, and what belongs to the graph alone is 0, empty or nan.
 
     Examples
     --------
