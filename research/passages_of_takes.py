@@ -34,10 +34,11 @@ from choreograph.nets.words import WordTake, train_word_net
 from choreograph.settings import published_dance
 
 Embed = Callable[[Floats], "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"]
+Judge = tuple[Vocabulary, Embed]
 LENGTHS = (4, 8)
 
 
-def trained_judge(repertoire: cg.Repertoire, seed: int) -> tuple[Vocabulary, Embed]:
+def trained_judge(repertoire: cg.Repertoire, seed: int) -> Judge:
     """The vocabulary and the embedding of a word network of another seed, of the words of a repertoire."""
     v = repertoire.vocabulary
     body = [np.asarray(repertoire.body_pos_m(take), np.float64) for take in range(len(repertoire.takes))]
@@ -58,6 +59,14 @@ def trained_judge(repertoire: cg.Repertoire, seed: int) -> tuple[Vocabulary, Emb
     return make_vocabulary(motifs, labels, v.word_take, v.word_start_s, v.word_end_s, genres), embed
 
 
+def judge_of(path: Path | None, repertoire: cg.Repertoire) -> Judge:
+    """The vocabulary and the embedding of another repertoire of the same takes, or of a trained network."""
+    if path is None:
+        return trained_judge(repertoire, seed=1)
+    judging = cg.Repertoire.open(path)
+    return judging.vocabulary, judging.word_net().embed
+
+
 def sequences(vocabulary: Vocabulary) -> list[Indices]:
     """The motifs of each take."""
     takes = range(int(vocabulary.word_take.max()) + 1)
@@ -75,9 +84,7 @@ def references(vocabulary: Vocabulary) -> dict[str, float]:
     return found
 
 
-def measured(
-    dance: cg.Dance, repertoire: cg.Repertoire, judge: tuple[Vocabulary, Embed]
-) -> tuple[str, dict[str, float]]:
+def measured(dance: cg.Dance, repertoire: cg.Repertoire, judge: Judge) -> tuple[str, dict[str, float]]:
     """The genre of a dance, and its scores."""
     plan, (vocabulary, embed) = dance.plan, judge
     bounds_s = dance_bounds_s(np.array(plan.music_beats_s), plan.duration_s)
@@ -94,6 +101,12 @@ def measured(
         scores[f"planned_{n}"] = n_gram_share(planned, sequences(repertoire.vocabulary), n)
         scores[f"judged_{n}"] = n_gram_share(danced, sequences(vocabulary), n)
     scores["chi2"] = float(away[vocabulary.genre_index(genre)])
+    own = repertoire.vocabulary
+    shown = own.motifs.nearest(repertoire.word_net().embed(words.body_pos_m))  # (N,)
+    if len(shown) == len(planned):
+        scores["as_planned"] = float(np.mean((shown == planned)[~is_held]))
+    of_genre = own.signatures[own.genre_index(genre)]
+    scores["chi2_planned"] = float(chi_square_distance(signature(planned, own.n_motifs), of_genre))
     scores["slide_cm_s"] = physical.foot_slide_cm_s(body_pos_m(dance.motion), dance.motion.fps)
     if of_takes:
         changes = sum(
@@ -126,11 +139,7 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=60.0, help="seconds of each song")
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
-    if given.judge:
-        judging = cg.Repertoire.open(given.judge)
-        judge = judging.vocabulary, judging.word_net().embed
-    else:
-        judge = trained_judge(repertoire, seed=1)
+    judge = judge_of(given.judge, repertoire)
     show("takes", references(repertoire.vocabulary))
     show("takes, judged", references(judge[0]))
     means = []
