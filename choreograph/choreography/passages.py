@@ -9,7 +9,7 @@ last one may be another one, if the signature lacks its motifs no longer.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,9 +34,10 @@ from choreograph.choreography.motif_sequences import (
 )
 from choreograph.choreography.slots import PassageSlots, ResolvedConstraints, passage_slots
 from choreograph.core.errors import NoPathError
-from choreograph.core.numerics import Floats, Indices
+from choreograph.core.numerics import Floats, Indices, chi_square_distance
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import signature
 
 # Passages of takes, and the draw of one.
 
@@ -214,6 +215,7 @@ class WordCosts:
 
 
 _NO_MOTIF = -1  # in a slot that is not drawn yet
+_DRAWS = 16  # of a dance. The one that is nearest to the signatures is danced
 
 
 def draw_dance(
@@ -227,6 +229,7 @@ def draw_dance(
 ) -> Indices:
     """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
 
+    In passages, several dances are drawn, and the one that is nearest to the signatures of its parts is kept.
     `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
     passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute", positions in
     the bar are not regarded, as in Rhythm is a Dancer. The `costs` (N, W) of the user (`WordCosts`) choose
@@ -247,32 +250,67 @@ def draw_dance(
         return draw_motifs_of_parts(
             parts, goals, rng=rng, pins=pins, banned=banned, possible=possible, need=config.motif_draw
         )
-    allowed = allowed_motifs(possible, pins, banned)
-    motifs = np.full(len(parts), _NO_MOTIF)
-    motifs[list(pins)] = list(pins.values())
-    to_draw = passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form)
-    while to_draw:
-        passage = to_draw.pop(0)
-        here, goal = passage.slots, goals[parts[passage.start]]
-        danced = _danced_so_far(passage, motifs, parts, words.vocabulary.n_motifs)
-        again = [later for later in to_draw if _is_same(passage, later, parts)]
-        danced = replace(danced, times=1 + len(again), may_vary=passage.ends)
-        if passage.place is not None and (motifs[here] != _NO_MOTIF).all():
-            danced = replace(danced, returning=motifs[here])
-        drawn = draw_passage(
-            words, goal, danced, slot_position=position[here], takes=constraints.take_wanted[passage.start],
-            allowed=allowed[here], need=config.motif_draw, rng=rng,
-            costs=None if costs is None else costs[here],
-        )  # fmt: skip
-        if drawn is None and passage.stop - passage.start > 1:
-            to_draw[:0] = passage.halves()
-            continue
-        if drawn is None:
-            drawn = _single_motif(goal, danced, allowed[here], config.motif_draw, rng)
-        for same in (passage, *again):
-            if allowed[same.slots][np.arange(len(drawn)), drawn].all():
-                motifs[same.slots] = drawn
-    return motifs
+    draw = _Draw(
+        words, goals, parts, position, constraints.take_wanted, allowed_motifs(possible, pins, banned),
+        passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form),
+        pins, config.motif_draw, costs,
+    )  # fmt: skip
+    return min((draw.dance(rng) for _ in range(1 if len(pins) == len(parts) else _DRAWS)), key=draw.away)
+
+
+@dataclass(frozen=True, eq=False)
+class _Draw:
+    """What a draw of the N motifs of a dance depends on, beside chance."""
+
+    words: TakeWords
+    goals: Sequence[MotifGoal]
+    parts: Indices  # (N,) the goal of each slot
+    position: Indices  # (N,) in the bar
+    takes: NDArray[np.bool_]  # (N, takes) that may be danced
+    allowed: NDArray[np.bool_]  # (N, K) motifs
+    passages: Sequence[PassageSlots]
+    pins: Mapping[int, int]
+    need: str
+    costs: Floats | None  # (N, W)
+
+    def dance(self, rng: np.random.Generator) -> Indices:
+        """The motifs (N,) of a dance, drawn passage by passage."""
+        motifs = np.full(len(self.parts), _NO_MOTIF)
+        motifs[list(self.pins)] = list(self.pins.values())
+        to_draw = list(self.passages)
+        while to_draw:
+            passage = to_draw.pop(0)
+            here, allowed = passage.slots, self.allowed[passage.slots]
+            danced = _danced_so_far(passage, motifs, self.parts, self.words.vocabulary.n_motifs)
+            again = [later for later in to_draw if _is_same(passage, later, self.parts)]
+            danced = replace(danced, times=1 + len(again), may_vary=passage.ends)
+            if passage.place is not None and (motifs[here] != _NO_MOTIF).all():
+                danced = replace(danced, returning=motifs[here])
+            goal = self.goals[self.parts[passage.start]]
+            drawn = draw_passage(
+                self.words, goal, danced, slot_position=self.position[here],
+                takes=self.takes[passage.start], allowed=allowed, need=self.need, rng=rng,
+                costs=None if self.costs is None else self.costs[here],
+            )  # fmt: skip
+            if drawn is None and passage.stop - passage.start > 1:
+                to_draw[:0] = passage.halves()
+                continue
+            if drawn is None:
+                drawn = _single_motif(goal, danced, allowed, self.need, rng)
+            for same in (passage, *again):
+                if self.allowed[same.slots][np.arange(len(drawn)), drawn].all():
+                    motifs[same.slots] = drawn
+        return motifs
+
+    def away(self, motifs: Indices) -> float:
+        """Sum of the χ² distances of the parts of a dance (N,) from their signatures, by their lengths."""
+        away = 0.0
+        for part, goal in enumerate(self.goals):
+            own = motifs[self.parts == part]
+            if len(own):
+                shares = signature(own, len(goal.signature))
+                away += len(own) * float(chi_square_distance(shares, goal.signature))
+        return away
 
 
 def _with_a_word(costs: Floats, vocabulary: Vocabulary) -> NDArray[np.bool_]:
