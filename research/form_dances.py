@@ -150,7 +150,8 @@ def dances(
 def text(danced: Sequence[tuple[Row, cg.Motion]]) -> str:
     """Means of the columns, without values that are not known."""
     rows = [row for row, _ in danced]
-    known = {key: [row[key] for row in rows if np.isfinite(row[key])] for key in rows[0]}
+    names = {name: None for row in rows for name in row}
+    known = {key: [row[key] for row in rows if np.isfinite(row.get(key, np.nan))] for key in names}
     return " ".join(f"{key} {np.mean(values):.3f}" for key, values in known.items() if values)
 
 

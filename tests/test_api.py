@@ -96,9 +96,7 @@ def test_settings_are_keywords_and_replace_those_of_a_config(repertoire, song, m
         ("mixer", {"warping": "none"}, "graph"),
         ("mixer", {"candidates": 3}, "graph"),
         ("mixer", {"transitions": "beats"}, "graph"),  # the default, but given
-        ("mixer", {"weights": {"style": 2.0}}, "graph"),
         ("mixer", {"config": cg.DanceConfig(selection="random")}, "graph"),
-        ("mixer", {"costs": [cg.Cost()]}, "graph"),
         ("graph", {"style_song": "other.wav"}, "rollout"),
         ("rollout", {"planner": "greedy"}, "graph or mixer"),
     ],
