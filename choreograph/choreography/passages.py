@@ -214,6 +214,7 @@ class WordCosts:
 # The motifs of a whole dance.
 
 
+_FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
 _NO_MOTIF = -1  # in a slot that is not drawn yet
 _DRAWS = (
     4  # of a dance, of which the nearest to the signatures is kept. With 16, seeds often give the same one
@@ -237,27 +238,31 @@ def draw_dance(
     the bar are not regarded, as in Rhythm is a Dancer. The `costs` (N, W) of the user (`WordCosts`) choose
     among passages. Raises as `draw_motifs`.
     """
-    config, material = request.config, request.material
-    words = TakeWords.of(request.repertoire)
-    starts_s = constraints.bounds_s[:-1]
-    position = bar_positions(starts_s, constraints.counts)
-    parts = material.parts_at(starts_s)
-    if config.phrase_counts == 1 and config.motif_draw == "absolute":
-        position = np.full(len(starts_s), UNKNOWN)
-    possible = possible_motifs(position, words.position, constraints.take_wanted, words.vocabulary)
-    if costs is not None:
-        possible &= _with_a_word(costs, words.vocabulary)
-    goals = [part.goal for part in material.goals]
-    if config.phrase_counts == 1:
+    draw = _Draw.of(request, constraints, pins, banned, costs)
+    if request.config.phrase_counts == 1:
         return draw_motifs_of_parts(
-            parts, goals, rng=rng, pins=pins, banned=banned, possible=possible, need=config.motif_draw
+            draw.parts, draw.goals, rng=rng, pins=pins, banned=banned, possible=draw.possible, need=draw.need
         )
-    draw = _Draw(
-        words, goals, parts, position, constraints.take_wanted, allowed_motifs(possible, pins, banned),
-        passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form),
-        pins, config.motif_draw, costs,
-    )  # fmt: skip
-    return min((draw.dance(rng) for _ in range(1 if len(pins) == len(parts) else _DRAWS)), key=draw.away)
+    return min((draw.dance(rng) for _ in range(1 if len(pins) == len(draw.parts) else _DRAWS)), key=draw.away)
+
+
+def drawn_words(request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices) -> Indices:
+    """Words (N,) of takes that show the passages of a dance of motifs (N,), -1 where no passage has them.
+
+    They are those of the first take that has a passage of these motifs on these counts.
+    """
+    draw = _Draw.of(request, constraints, dict(enumerate(motifs.tolist())), (), None)
+    found = np.full(len(motifs), -1)
+    to_find = list(draw.passages) if request.config.phrase_counts > 1 else []
+    while to_find:
+        passage = to_find.pop()
+        here = passage.slots
+        runs = draw.words.runs(draw.position[here], draw.takes[passage.start], draw.allowed[here])
+        if len(runs):
+            found[here] = runs[0]
+        elif passage.stop - passage.start > _FEWEST_OF_PASSAGE:
+            to_find += passage.halves()
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,11 +274,38 @@ class _Draw:
     parts: Indices  # (N,) the goal of each slot
     position: Indices  # (N,) in the bar
     takes: NDArray[np.bool_]  # (N, takes) that may be danced
-    allowed: NDArray[np.bool_]  # (N, K) motifs
+    possible: NDArray[np.bool_]  # (N, K) motifs that have a word on the count
+    allowed: NDArray[np.bool_]  # (N, K) motifs that are neither banned nor contradict a pin
     passages: Sequence[PassageSlots]
     pins: Mapping[int, int]
     need: str
     costs: Floats | None  # (N, W)
+
+    @classmethod
+    def of(
+        cls,
+        request: DanceRequest,
+        constraints: ResolvedConstraints,
+        pins: Mapping[int, int],
+        banned: Collection[int],
+        costs: Floats | None,
+    ) -> _Draw:
+        """The draw for a request. Raises as `draw_motifs`."""
+        config, material = request.config, request.material
+        words, starts_s = TakeWords.of(request.repertoire), constraints.bounds_s[:-1]
+        position, parts = bar_positions(starts_s, constraints.counts), material.parts_at(starts_s)
+        if config.phrase_counts == 1 and config.motif_draw == "absolute":
+            position = np.full(len(starts_s), UNKNOWN)
+        takes = constraints.take_wanted
+        possible = possible_motifs(position, words.position, takes, words.vocabulary)
+        if costs is not None:
+            possible &= _with_a_word(costs, words.vocabulary)
+        return cls(
+            words, [part.goal for part in material.goals], parts, position, takes, possible,
+            allowed_motifs(possible, pins, banned),
+            passage_slots(position, parts, config.phrase_counts, starts_s, request.song_features.form),
+            pins, config.motif_draw, costs,
+        )  # fmt: skip
 
     def dance(self, rng: np.random.Generator) -> Indices:
         """The motifs (N,) of a dance, drawn passage by passage."""

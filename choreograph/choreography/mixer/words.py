@@ -95,15 +95,18 @@ class WordBank:
         )  # with one motif alone the next is a metre away
         return margin_m
 
-    def distances_to_motifs(self, words: Indices) -> NDArray[np.float64]:
-        """Distances (M, K) of words (M,) from the medoids of all motifs, in the space of embeddings."""
+    def embeddings(self, words: Indices) -> NDArray[np.float32]:
+        """Embeddings (M, D) of words (M,) as they were cut."""
         v = self.vocabulary
         share = np.linspace(0.0, 1.0, WORD_FRAMES)
         length_s = v.word_end_s[words] - v.word_start_s[words]
         poses = self._poses_m(words, v.word_start_s[words, None] + length_s[:, None] * share)
-        embedded = self._embed(clips_to_root_frame(poses)).astype(np.float64)  # (M, D)
-        medoids = v.motifs.embeddings.astype(np.float64)  # (K, D)
-        return np.sqrt(squared_distances(embedded, medoids))
+        return self._embed(clips_to_root_frame(poses))
+
+    def distances_to_motifs(self, words: Indices) -> NDArray[np.float64]:
+        """Distances (M, K) of words (M,) from the medoids of all motifs, in the space of embeddings."""
+        medoids = self.vocabulary.motifs.embeddings.astype(np.float64)  # (K, D)
+        return np.sqrt(squared_distances(self.embeddings(words).astype(np.float64), medoids))
 
     def _poses_m(self, words: Indices, times_s: AnyFloats) -> NDArray[np.float64]:
         """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""

@@ -24,7 +24,8 @@ from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
-from choreograph.choreography.passages import WordCosts, draw_dance
+from choreograph.choreography.mixer.words import WordBank
+from choreograph.choreography.passages import WordCosts, draw_dance, drawn_words
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     HeldPoses,
@@ -180,7 +181,7 @@ def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstrai
         wrong = best.wrong if best else ()
         held = _held_longer(wrong, attempt, constraints)
         motifs = _drawn_motifs(request, constraints, attempt, held, costs)
-        asked = _asked(motifs, best, attempt, constraints, request.repertoire)
+        asked = _asked(motifs, best, attempt, constraints, request)
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
         motion = render_generated(_generated(request, constraints, motifs, asked), plan)
@@ -198,14 +199,20 @@ def _asked(
     best: _Rollout | None,
     attempt: int,
     constraints: ResolvedConstraints,
-    repertoire: Repertoire,
+    request: DanceRequest,
 ) -> NDArray[np.float32]:
-    """Embeddings (N, D) for the network: medoids, and for requests also the error of the best attempt.
+    """Embeddings (N, D) for the network, and for requests also the error of the best attempt.
 
-    Later attempts add a smaller share of it.
+    They are those of the words of the passages that were drawn, and the medoids of requested and single
+    motifs. Later attempts add a smaller share of the error.
     """
-    medoids = repertoire.vocabulary.motifs.embeddings
-    asked = medoids[motifs].astype(np.float32)
+    repertoire = request.repertoire
+    asked = repertoire.vocabulary.motifs.embeddings[motifs].astype(np.float32)
+    words = drawn_words(request, constraints, motifs)
+    words[list(constraints.motifs)] = -1
+    bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+    if (words >= 0).any():
+        asked[words >= 0] = bank.embeddings(words[words >= 0])
     if best is not None:
         for slot in constraints.motifs:
             missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
