@@ -41,7 +41,7 @@ TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
 # five folds. The paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats
 # within the count.
 DEFAULT_WEIGHTS = {
-    "style": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
+    "genre": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "front": 3.0, "seed": 0.6, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
     "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0, "form": 4.0,
 }  # fmt: skip
@@ -341,7 +341,7 @@ ROLLOUT: dict[str, Any] = {
 
 _JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
 WEIGHTS: dict[str, float] = {
-    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "style": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
+    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "genre": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
 }  # fmt: skip
 DANCE: dict[str, Any] = {
     "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "clip",

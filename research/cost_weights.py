@@ -49,7 +49,7 @@ LEAST_ERRORS = 2.0
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}  # by the letter in the name of a song
 FEET = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right"))
 RULERS = {
-    "style": "own_genre",
+    "genre": "own_genre",
     "completeness": "change_every_s",
     "transition": "jerk_ratio_at_joins",
     "velocity": "jerk_ratio_at_joins",

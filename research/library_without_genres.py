@@ -1,4 +1,4 @@
-"""How often the genre of a song is danced if takes have no genres, by selection and the cost `style`.
+"""How often the genre of a song is danced if takes have no genres, by selection and the cost `genre`.
 
     python research/library_without_genres.py dance-with-melody/ a.h5 b.h5 … --songs a.txt b.txt …
 
@@ -55,7 +55,7 @@ def main() -> None:
             for candidates in given.candidates:
                 for selection, cost in WAYS:
                     config = cg.DanceConfig(
-                        selection=selection, candidates=candidates, weights={"style": cost}, seed=seed
+                        selection=selection, candidates=candidates, weights={"genre": cost}, seed=seed
                     )
                     made = [cg.dance(song.path, unlabelled, config=config) for song in songs]
                     genres = [song.take.credits.genre if song.take else "" for song in songs]

@@ -1,4 +1,4 @@
-"""Ways of selection and the style cost, with many or few clips for each candidate.
+"""Ways of selection and the cost `genre`, with many or few clips for each candidate.
 
     python research/selection_ablation.py dance-with-melody/ r0.h5 r1.h5 … -o results.md \\
         [--songs A.txt B.txt …] [--candidates 512 64 16] [--counted-by choreonet/]
@@ -26,7 +26,7 @@ from research.variants import with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WAYS = {
-    f"{selection}{', cost' if cost else ''}": (selection, {} if cost else {"style": 0.0})
+    f"{selection}{', cost' if cost else ''}": (selection, {} if cost else {"genre": 0.0})
     for selection in ("genre", "style", "random")
     for cost in (True, False)
 }

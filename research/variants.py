@@ -35,8 +35,8 @@ _NO_EDGES = dict.fromkeys(
 )
 _ABLATIONS = (
     _variant(
-        "no-selection", "ours with random candidates and without the style cost", selection="random",
-        weights={"style": 0.0},
+        "no-selection", "ours with random candidates and without the cost `genre`", selection="random",
+        weights={"genre": 0.0},
     ),
     _variant("style-selection", "ours with the clips nearest in style, the paper's", selection="style"),
     _variant("no-retempo", "ours without warping: clips at recorded speed", warping="none"),

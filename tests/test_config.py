@@ -48,9 +48,9 @@ def written(path, text: str):
 
 
 def test_a_file_replaces_defaults(tmp_path):
-    path = written(tmp_path / "c.toml", 'planner = "greedy"\nfps = 30\n[weights]\nstyle = 2\n')
+    path = written(tmp_path / "c.toml", 'planner = "greedy"\nfps = 30\n[weights]\ngenre = 2\n')
     config = load_config(path, DanceConfig(candidates=7))
-    assert config == DanceConfig(planner="greedy", fps=30, candidates=7, weights={"style": 2})
+    assert config == DanceConfig(planner="greedy", fps=30, candidates=7, weights={"genre": 2})
 
 
 @pytest.mark.parametrize(

@@ -272,11 +272,11 @@ def test_bone_maps_signatures_and_configs_are_read(tmp_path):
         "with a comment": json.dumps({"comment": "by hand"} | shares | {"shares": [0.25, 0.75]}),
     }
     config = (
-        "# Größe\nengine = 'graph'\nfps = 30\nlock_feet = true # feet\n[weights]\nrhythm = 1_0.5\nstyle=0\n"
+        "# Größe\nengine = 'graph'\nfps = 30\nlock_feet = true # feet\n[weights]\nrhythm = 1_0.5\ngenre=0\n"
     )
     configs = {
-        "dotted keys": "weights.rhythm = 2.5\nweights.'style' = 1\nseed = 0x10\n",
-        "inline table": "weights = { rhythm = 2.5, style = 0 }\n",
+        "dotted keys": "weights.rhythm = 2.5\nweights.'genre' = 1\nseed = 0x10\n",
+        "inline table": "weights = { rhythm = 2.5, genre = 0 }\n",
         "empty": "",
     }
     files = {

@@ -47,7 +47,7 @@ def measure_changes(folder: Path) -> None:
     first = session.dance()
     take = first.plan.seconds[5].take
     changes = {
-        "weight": {"weights": {"style": 1.2}},
+        "weight": {"weights": {"genre": 1.2}},
         "another weight": {"weights": {"front": 1.0}},
         "pin": {"pins": [cg.TakePin(40.0, 44.0, take)]},
         "ban": {"bans": [cg.Ban(take=take)]},

@@ -17,13 +17,13 @@ from choreograph.choreography.graph.costs import (
     Completeness,
     Energy,
     Front,
+    Genre,
     Pace,
     Phrasing,
     Repeat,
     Rhythm,
     Seed,
     Steps,
-    Style,
     Transition,
     Variety,
     Velocity,
@@ -111,7 +111,7 @@ def test_velocity_of_slower_bodies_is_not_cheaper(layers):
 def test_style_and_rhythm(layers):
     a, _, song_features = layers
     by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
-    assert np.allclose(Style().node(a, song_features), by_hand, rtol=1e-5)
+    assert np.allclose(Genre().node(a, song_features), by_hand, rtol=1e-5)
     assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.density_mismatch)
 
 

@@ -283,8 +283,8 @@ def test_every_engine_refuses_constraints_that_cannot_be_met(with_motifs, song, 
 def test_arguments_of_other_engines_are_refused(with_motifs, song):
     with pytest.raises(ParameterError, match="graph engine"):
         cg.dance(song, with_motifs, engine="graph", motifs=[1, 2, 3])
-    with pytest.raises(ParameterError, match="your own costs with the mixer engine, got 'style'"):
-        cg.dance(song, with_motifs, engine="mixer", weights={"style": 1.0})
+    with pytest.raises(ParameterError, match="your own costs with the mixer engine, got 'genre'"):
+        cg.dance(song, with_motifs, engine="mixer", weights={"genre": 1.0})
     with pytest.raises(ParameterError, match="motion-graph"):
         cg.dance(song, with_motifs, engine="mixer", config=cg.DanceConfig(planner="motion-graph"))
     with pytest.raises(ParameterError, match="steam"):

@@ -143,10 +143,10 @@ def form_by_hand(nodes) -> list[float]:
 @pytest.mark.parametrize("plan", [plan_exact, plan_greedy])
 @pytest.mark.parametrize("seed", range(5))
 def test_booked_costs_are_those_of_the_paths_own_first_phrases(seed, plan):
-    from choreograph.choreography.graph.costs import Style, Variety
+    from choreograph.choreography.graph.costs import Genre, Variety
 
     source, song_features = source_of_returns(seed, usage=True)
-    costs = [WeightedCost(Style(), 1.0), WeightedCost(Variety(), 2.0), WeightedCost(FormCost(OF_PAIRS), 3.0)]
+    costs = [WeightedCost(Genre(), 1.0), WeightedCost(Variety(), 2.0), WeightedCost(FormCost(OF_PAIRS), 3.0)]
     path = plan(source, costs, song_features)
     booked = [terms["form"] for terms in path.costs]
     assert booked == pytest.approx([3.0 * cost for cost in form_by_hand(path.nodes)])
@@ -154,17 +154,17 @@ def test_booked_costs_are_those_of_the_paths_own_first_phrases(seed, plan):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_high_weight_repeats_and_weight_0_changes_nothing(seed):
-    from choreograph.choreography.graph.costs import Style
+    from choreograph.choreography.graph.costs import Genre
 
     source, song_features = source_of_returns(seed)
-    style = [WeightedCost(Style(), 1.0)]
+    style = [WeightedCost(Genre(), 1.0)]
     free = plan_exact(source, style, song_features)
     without = plan_exact(source, [*style, WeightedCost(FormCost(OF_PAIRS), 0.0)], song_features)
     held = plan_exact(source, [*style, WeightedCost(FormCost(OF_PAIRS), 50.0)], song_features)
     assert [n.segment[0] for n in free.nodes] == [n.segment[0] for n in without.nodes]
     assert sum(form_by_hand(held.nodes)) <= sum(form_by_hand(free.nodes))
     assert held.total <= sum(
-        terms["style"] + 50.0 * cost for terms, cost in zip(free.costs, form_by_hand(free.nodes), strict=True)
+        terms["genre"] + 50.0 * cost for terms, cost in zip(free.costs, form_by_hand(free.nodes), strict=True)
     )
 
 
@@ -184,10 +184,10 @@ def test_what_followed_before_costs_where_other_music_follows():
 @pytest.mark.parametrize("seed", range(4))
 def test_local_search_evaluates_a_phrase_with_its_repeats(seed):
     """The cost of one changed node is the difference between the whole paths, before and after a repeat."""
-    from choreograph.choreography.graph.costs import Style
+    from choreograph.choreography.graph.costs import Genre
 
     source, song_features = source_of_returns(seed)
-    costs = [WeightedCost(Style(), 1.0), WeightedCost(FormCost(OF_PAIRS), 4.0)]
+    costs = [WeightedCost(Genre(), 1.0), WeightedCost(FormCost(OF_PAIRS), 4.0)]
     nodes = [allowed_nodes(source.layer(second), costs, song_features) for second in range(N_SECONDS)]
     cheap = CheapNodes.of(nodes, costs, song_features)
     path = np.array([layer.n_nodes - 1 for layer in cheap.layers])

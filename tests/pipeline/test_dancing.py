@@ -130,11 +130,11 @@ def test_weights_and_costs_that_do_not_exist_or_collide(repertoire, song):
     with pytest.raises(ParameterError, match="'stile'"):
         cg.dance(song, repertoire, weights={"stile": 1.0})
 
-    class Style(cg.Cost):
+    class Genre(cg.Cost):
         pass
 
     with pytest.raises(ParameterError, match="two share one among"):
-        cg.dance(song, repertoire, costs=[Style()])
+        cg.dance(song, repertoire, costs=[Genre()])
 
 
 def test_the_exact_path_never_costs_more_than_the_greedy_one(made, repertoire, song):

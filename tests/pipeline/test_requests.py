@@ -160,8 +160,8 @@ def test_what_another_setting_makes_useless_is_refused_or_noted(dance):
     for name, value in (("time_maps", "raw"), ("density", "repertoire")):
         with pytest.raises(cg.ParameterError, match=f"no {name.replace('_', ' ')} with the warping none"):
             dance(warping="none", **{name: value})
-    with pytest.raises(cg.ParameterError, match="a weight of 'style', got motion-graph"):
-        dance(planner="motion-graph", weights={"style": 3.0, "transition": 2.0})
+    with pytest.raises(cg.ParameterError, match="a weight of 'genre', got motion-graph"):
+        dance(planner="motion-graph", weights={"genre": 3.0, "transition": 2.0})
     noted = [note for note in dance(candidates=8, time_maps="raw").notes if "no effect" in note]
     assert noted == [
         "no effect of time maps, because takes are aligned by counts: choose the warping dtw to use them"

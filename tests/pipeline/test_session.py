@@ -15,7 +15,7 @@ from choreograph.plan import Plan
 
 DURATION_S = 8.0
 GENRES = ["house", "cha-cha", "waltz"]
-COSTS = ["style", "transition", "front", "variety", "signature", "motif_transition", "form", "energy", "seed"]
+COSTS = ["genre", "transition", "front", "variety", "signature", "motif_transition", "form", "energy", "seed"]
 STARTER = cg.starter_repertoire()
 TAKES = [take.name for take in STARTER.takes if take.credits.genre == "house"]
 MOTIFS = STARTER.vocabulary.n_motifs
@@ -122,8 +122,8 @@ def test_the_layers_of_another_weight_are_not_made_again(monkeypatch):
     made = []
     monkeypatch.setattr(segments, "_warped_second", lambda *_, **__: made.append("second"))
     monkeypatch.setattr(segments, "joined_layers", lambda *_: made.append("layer"))
-    heavier = session.dance(weights={"style": 2.0})
-    assert heavier.plan.weights["style"] == 2.0
+    heavier = session.dance(weights={"genre": 2.0})
+    assert heavier.plan.weights["genre"] == 2.0
     assert made == []
 
 

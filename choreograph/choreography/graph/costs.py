@@ -33,10 +33,11 @@ STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
 OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
 
 
-class Style(Cost):
+class Genre(Cost):
     """‖S_x(clip) - S_m(second)‖₂: distance of a clip's style from the music's (equation 5).
 
-    Raise its weight for clips that are nearer to the style of the music.
+    It tells genres apart. Within a genre, it prefers the same clips in all parts of a song, so it is not
+    named style as in ChoreoGraph. Raise its weight for clips that are nearer to the genre of the music.
     """
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -335,7 +336,7 @@ class Seed(Cost):
 
 
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
-    Style, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
+    Genre, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
     Variety, Repeat,
 )  # fmt: skip
 
