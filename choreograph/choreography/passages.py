@@ -216,9 +216,8 @@ class WordCosts:
 
 _FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
 _NO_MOTIF = -1  # in a slot that is not drawn yet
-_DRAWS = (
-    4  # of a dance, of which the nearest to the signatures is kept. With 16, seeds often give the same one
-)
+# A dance is drawn once more for each 20 words. With more draws, seeds of short dances share the nearest one.
+_WORDS_A_DRAW, _MOST_DRAWS = 20, 8
 
 
 def draw_dance(
@@ -243,7 +242,8 @@ def draw_dance(
         return draw_motifs_of_parts(
             draw.parts, draw.goals, rng=rng, pins=pins, banned=banned, possible=draw.possible, need=draw.need
         )
-    return min((draw.dance(rng) for _ in range(1 if len(pins) == len(draw.parts) else _DRAWS)), key=draw.away)
+    n_draws = min(1 + (len(draw.parts) - len(pins)) // _WORDS_A_DRAW, _MOST_DRAWS)
+    return min((draw.dance(rng) for _ in range(n_draws)), key=draw.away)
 
 
 def drawn_words(request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices) -> Indices:
