@@ -8,13 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import choreograph as cg
+from choreograph.choreography import passages
 from choreograph.choreography.constraints import make_constraints
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.material import Material, SectionGoal, takes_of_genre
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import CandidatePool
 from choreograph.choreography.motif_sequences import UNKNOWN, MotifGoal, motif_goal
-from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_dance, draw_passage
+from choreograph.choreography.passages import (
+    DancedSoFar,
+    TakeWords,
+    draw_dance,
+    draw_passage,
+    drawn_words,
+)
 from choreograph.choreography.rollout import engine as rollout
 from choreograph.choreography.slots import passage_slots, resolve
 from choreograph.core.counts import make_counts, numbers_in_bar
@@ -249,6 +256,46 @@ def test_passages_have_the_signature_of_their_genre(starter, genre):
     dances = [motifs_of(request_of(starter, [genre], seed=seed)) for seed in range(5)]
     away = [chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in dances]
     assert np.mean(away) < 0.1
+
+
+def test_of_several_draws_the_one_nearest_to_the_signature_is_danced(starter, monkeypatch):
+    wanted = motif_goal(starter.vocabulary, genre="house").signature
+
+    def away():
+        dances = [motifs_of(request_of(starter, ["house"], n_counts=64, seed=seed)) for seed in range(6)]
+        assert len({motifs.tobytes() for motifs in dances}) == 6  # another seed gives another dance
+        return np.mean([chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in dances])
+
+    of_several = away()
+    monkeypatch.setattr(passages, "_MOST_DRAWS", 1)
+    assert of_several < away()
+
+
+def test_the_words_of_a_dance_are_those_of_its_passages(starter):
+    v = starter.vocabulary
+    request = request_of(starter, ["house", "swing"], n_counts=64)
+    motifs = motifs_of(request)
+    words = drawn_words(request, request.constraints, motifs)
+    found = words >= 0
+    assert found.mean() > 0.9
+    np.testing.assert_array_equal(v.word_motif[words[found]], motifs[found])
+    assert request.constraints.take_wanted[np.flatnonzero(found), v.word_take[words[found]]].all()
+    assert np.mean(np.diff(words) == 1) > 0.8  # words of a passage follow one another in a take
+
+
+def test_single_motifs_have_no_words(starter):
+    request = request_of(starter, ["house"], n_counts=16, phrase_counts=1)
+    assert (drawn_words(request, request.constraints, motifs_of(request)) == -1).all()
+
+
+def test_the_rollout_is_conditioned_on_the_words_of_its_passages_and_on_medoids_of_requests(starter):
+    request = request_of(starter, ["house"], n_counts=32, pins=[cg.MotifPin(4.1, motif=0)])
+    motifs = motifs_of(request, pins=request.constraints.motifs)
+    asked = rollout._asked(motifs, None, 0, request.constraints, request)
+    medoids = starter.vocabulary.motifs.embeddings[motifs]
+    np.testing.assert_array_equal(asked[list(request.constraints.motifs)], medoids[[8]])
+    nearest = starter.vocabulary.motifs.nearest(asked)
+    assert np.mean(nearest == motifs) > 0.9 and np.mean((asked == medoids).all(axis=1)) < 0.5
 
 
 def motifs_of_engine(engine, request):
