@@ -133,7 +133,7 @@ def test_a_dance_plays_the_raw_path_on_seconds(made):
     assert played >= {0.5, 2.0}  # a staircase: smoothed, it would have no steps
     assert (plan.planner, plan.blending) == ("greedy", "linear")
     assert {name: w for name, w in plan.weights.items() if w} == {
-        "style": 1.0, "completeness": 1.0, "transition": pytest.approx(np.sqrt(21)),
+        "genre": 1.0, "completeness": 1.0, "transition": pytest.approx(np.sqrt(21)),
     }  # fmt: skip
 
 
