@@ -15,7 +15,7 @@ SONG = cg.example_songs()["house"]
 @pytest.mark.parametrize("engine", ["mixer", "rollout"])
 def test_both_ways_draw_another_dance(engine):
     drawn = [
-        [word.motif for word in cg.dance(SONG, engine=engine, duration_s=15.0, motif_draw=way).plan.words]
+        [word.motif for word in cg.dance(SONG, engine=engine, duration_s=30.0, motif_draw=way).plan.words]
         for way in ("missing", "absolute")
     ]
     assert drawn[0] != drawn[1] and len(drawn[0]) == len(drawn[1])
