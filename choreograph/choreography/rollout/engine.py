@@ -203,15 +203,16 @@ def _asked(
 ) -> NDArray[np.float32]:
     """Embeddings (N, D) for the network, and for requests also the error of the best attempt.
 
-    They are those of the words of the passages that were drawn, and the medoids of requested and single
-    motifs. Later attempts add a smaller share of the error.
+    They are those of the words of the passages that were drawn, if the network was trained with those of
+    words, and the medoids of requested and single motifs. Later attempts add a smaller share of the error.
     """
     repertoire = request.repertoire
     asked = repertoire.vocabulary.motifs.embeddings[motifs].astype(np.float32)
     words = drawn_words(request, constraints, motifs)
     words[list(constraints.motifs)] = -1
-    bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
-    if (words >= 0).any():
+    net = repertoire.rollout_net(request.material.goals[0].genre or "")
+    if (words >= 0).any() and net.config.own_embedding_share > 0:
+        bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
         asked[words >= 0] = bank.embeddings(words[words >= 0])
     if best is not None:
         for slot in constraints.motifs:
