@@ -198,7 +198,10 @@ def test_local_search_evaluates_a_phrase_with_its_repeats(seed):
             other[second] = node
             assert cheap.cost(found) <= cheap.cost(other) + 1e-3
     best = plan_exact(source, costs, song_features)
-    chosen = [including(those, (node, np.zeros(1)))[1] for those, node in zip(nodes, best.nodes, strict=True)]
+    chosen = [
+        including(those, node.segment[0], node.offset[0], lambda: None)[1]
+        for those, node in zip(nodes, best.nodes, strict=True)
+    ]
     assert best.total == pytest.approx(cheap.cost(np.array(chosen)), abs=1e-3)
 
 
