@@ -211,7 +211,7 @@ def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
             motifs = danced_motifs(own.motion, bounds_of(own), repertoire)
             dances = {"another song": cg.dance(piece.song, repertoire, **asked, style_song=other.song)}
             with patch.object(rolling, "word_spectra", partial(noise, net)):
-                dances["noise"] = cg.dance(piece.song, repertoire, **asked)
+                dances["noise"] = cg.dance(piece.song, repertoire, **asked, cache=False)
             for name, dance in dances.items():
                 same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs
                 kept = beat.f_score(dance.motion_beats_s, own.motion_beats_s, window_s=beat.FRAME_S)

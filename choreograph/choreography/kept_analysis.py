@@ -22,10 +22,12 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, cache_folder, sha256_of
+from choreograph.core.numerics import Floats, digest
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker
 from choreograph.music.form import Form, Phrase, Sections
@@ -33,6 +35,7 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 
 Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
+Array = NDArray[np.float32]
 
 MAX_BYTES = 64 << 20  # of all entries: about 600 songs of three minutes
 _DIGEST_BYTES = 32
@@ -45,34 +48,50 @@ def kept_analysis(
     song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None, analyse: Callable[[], Analysis]
 ) -> Analysis:
     """The analysis of a song from the cache. If there is none, it is made by `analyse` and written there."""
+    file = repertoire.path.stat()
+    key = digest(
+        *(_program(), _repertoire_digest(repertoire.path, file.st_size, file.st_mtime_ns)),
+        *(song.name, song.notes, song.start_s, tracker_digest(beats), genre, _sha256(song.samples)),
+    )
+    return from_bytes(_kept(key, lambda: to_bytes(analyse())))  # also what was just made, as it is read later
+
+
+def kept_rows(song: Song, name: str, times_s: Floats, make: Callable[[], Array]) -> Array:
+    """Rows of features of a song at `times_s` (N,), as `kept_analysis`. `name` is that of the features."""
+
+    def written() -> bytes:
+        content = io.BytesIO()
+        np.save(content, make())
+        return content.getvalue()
+
+    key = digest(_program(), name, times_s, _sha256(song.samples))
+    rows: Array = np.load(io.BytesIO(_kept(key, written)), allow_pickle=False)
+    return rows
+
+
+def _sha256(samples: Array) -> bytes:
+    """A checksum of samples, which takes half the time of `digest`."""
+    return hashlib.sha256(np.ascontiguousarray(samples).data).digest()
+
+
+def _kept(key: bytes, make: Callable[[], bytes]) -> bytes:
+    """The content of the entry with this key, which is made and written if there is none."""
     folder, why_not = cache_folder("analyses")
     if folder is None:
         _log.warning("the analysis of the song is not kept: %s", why_not)
-        return analyse()
-    path = folder / f"{_key(song, repertoire, beats, genre)}.npz"
+        return make()
+    path = folder / f"{key.hex()}.npz"
     kept = _read(path)
     if kept is not None:
         return kept
-    content = to_bytes(analyse())
+    content = make()
     try:
         with atomic_path(path) as temporary:
             temporary.write_bytes(hashlib.sha256(content).digest() + content)
     except ChoreographError as error:
         _log.warning("the analysis of the song is not kept: %s", error)
     _remove_oldest(folder)
-    return from_bytes(content)  # what is read from the file later
-
-
-def _key(song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None) -> str:
-    """A digest of everything that an analysis depends on."""
-    file = repertoire.path.stat()
-    made_of = [
-        *(_program(), _repertoire_digest(repertoire.path, file.st_size, file.st_mtime_ns)),
-        *(song.name, song.notes, song.start_s, tracker_digest(beats), genre),
-    ]
-    digest = hashlib.sha256(json.dumps(made_of).encode())
-    digest.update(np.ascontiguousarray(song.samples).data)
-    return digest.hexdigest()[: 2 * _DIGEST_BYTES]
+    return content
 
 
 def tracker_digest(beats: str | Path) -> str:
@@ -95,19 +114,19 @@ def _repertoire_digest(path: Path, size: int, mtime_ns: int) -> str:
     return sha256_of(path)
 
 
-def _read(path: Path) -> Analysis | None:
-    """The analysis in a file, or None if there is none, or a damaged one."""
+def _read(path: Path) -> bytes | None:
+    """The content of an entry, or None if there is none, or a damaged one."""
     try:
         stored = path.read_bytes()
     except OSError:
         return None
-    digest, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
-    if hashlib.sha256(content).digest() != digest:
+    checksum, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
+    if hashlib.sha256(content).digest() != checksum:
         _log.warning("the kept analysis of the song was damaged: it is analysed again")
         return None
     with suppress(OSError):
         os.utime(path)  # used now
-    return from_bytes(content)
+    return content
 
 
 def _remove_oldest(folder: Path) -> None:

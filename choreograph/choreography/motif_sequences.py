@@ -56,9 +56,8 @@ def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
     if not counts.has_bars or len(counts) < 2:
         return found
     bar = bars_of(counts.numbers)  # (Q,)
-    length = np.full(bar.max() + 1, counts.metre)
-    for whole in range(1, int(bar.max())):
-        length[whole] = np.sum(bar == whole)
+    length = np.bincount(bar)
+    length[[0, -1]] = counts.metre
     position = _MANY * length[bar] + counts.numbers  # (Q,)
     nearest = np.abs(counts.times_s - np.asarray(times_s)[:, None]).argmin(axis=1)  # (N,)
     period_s = np.gradient(counts.times_s)[nearest]

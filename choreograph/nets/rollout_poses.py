@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from choreograph.core.counts import COUNT_PHASE_DIM
-from choreograph.core.numerics import AnyFloats
+from choreograph.core.numerics import AnyFloats, Floats
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -78,6 +78,14 @@ def to_poses(motion: Motion) -> NDArray[np.float32]:
 def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0) -> Motion:
     """The motion (T frames) of pose rows (T, P). It begins above the origin."""
     rows: NDArray[np.float64] = np.asarray(poses, np.float64)
+    root_pos_m, heading = root_path(rows, heading_rad=heading_rad)
+    quat = rot.normalize(rows[:, ROOT_DIM:-N_FEET].reshape(len(rows), -1, 4))
+    quat[:, 0] = rot.multiply(rot.about_y(heading), quat[:, 0])
+    return Motion(skeleton, root_pos_m, rot.make_continuous(quat), ROLLOUT_FPS)
+
+
+def root_path(rows: Floats, *, heading_rad: float = 0.0) -> tuple[Floats, Floats]:
+    """Positions (T, 3) and headings (T,) of the root of pose rows (T, P), from above the origin."""
     yaw = rows[:, 3].copy()
     yaw[0] = heading_rad
     heading = np.cumsum(yaw)  # (T,)
@@ -86,9 +94,7 @@ def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0)
     shift[1:] = rot.rotate(rot.about_y(heading[:-1]), shift[1:])
     root_pos_m = np.cumsum(shift, axis=0)
     root_pos_m[:, 1] = rows[:, 2]
-    quat = rot.normalize(rows[:, ROOT_DIM:-N_FEET].reshape(len(rows), -1, 4))
-    quat[:, 0] = rot.multiply(rot.about_y(heading), quat[:, 0])
-    return Motion(skeleton, root_pos_m, rot.make_continuous(quat), ROLLOUT_FPS)
+    return root_pos_m, heading
 
 
 def word_conditions(

@@ -194,8 +194,10 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
     The motion after a stop is that of its time in the song. Feet are locked again if anything but the ends
     changes.
     """
-    if not plan.stops_s and not plan.amplitudes:
-        return hold_ends(motion, plan.opening_s, plan.closing_s)
+    if not plan.stops_s:
+        if not plan.amplitudes:
+            return hold_ends(motion, plan.opening_s, plan.closing_s)
+        return _with_dynamics(motion, Joins(np.zeros(0), ()), plan)
     end_s = motion.duration_s
     whole = Run("", 0.0, end_s, np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1))
     borders_s = [0.0, *(moves_s - STOP_EASE_S for _, moves_s in plan.stops_s), end_s]

@@ -82,7 +82,7 @@ def test_a_pin_that_is_not_danced_is_tried_again_and_held_longer(rolling, song, 
     pinned = 1 - before.motif  # the motif that would not be danced there
     shown, asked = [before.motif, pinned], []
 
-    def generated(request, constraints, motifs, embeddings):
+    def generated(request, constraints, motifs, embeddings, music):
         asked.append(motifs)
         return request.repertoire.motion(0)[0]
 
@@ -135,7 +135,7 @@ def test_a_given_motif_that_is_missed_is_asked_for_beyond_its_medoid(rolling, so
     medoids, asked = rolling.vocabulary.motifs.embeddings, []
     missed = medoids[0] + 0.1 * (medoids[0] - medoids[1])  # of motif 0, whatever the training came to
 
-    def generated(request, constraints, motifs, embeddings):
+    def generated(request, constraints, motifs, embeddings, music):
         asked.append(embeddings)
         return rolling.motion(0)[0]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,6 +23,7 @@ from choreograph.choreography.enforcement import (
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
+from choreograph.choreography.kept_analysis import kept_rows
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.passages import WordCosts, draw_dance, drawn_words
@@ -177,6 +178,7 @@ def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstrai
     best: _Rollout | None = None
     own = WordCosts.of(request, constraints, RolloutEngine.name)
     costs = None if own is None else own.of_words()
+    music = _Music.of(request, constraints)
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
         held = _held_longer(wrong, attempt, constraints)
@@ -184,7 +186,7 @@ def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstrai
         asked = _asked(motifs, best, attempt, constraints, request)
         if best is not None and np.array_equal(asked, best.asked):
             break  # the network would dance the same
-        motion = render_generated(_generated(request, constraints, motifs, asked), plan)
+        motion = render_generated(_generated(request, constraints, motifs, asked, music), plan)
         dance = _checked_dance(motifs, asked, motion, plan, constraints, request.repertoire)
         if best is None or len(dance.wrong) < len(best.wrong):
             best = dance
@@ -323,24 +325,50 @@ def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dic
     }
 
 
+@dataclass(frozen=True, eq=False)
+class _Music:
+    """What the network reads of the song, the same in every attempt."""
+
+    rhythm: NDArray[np.float32]  # (T, 4) at 30 fps
+    spectral: NDArray[np.float32]  # (N, 87) of each word, of the song or of another one
+
+    @classmethod
+    def of(cls, request: DanceRequest, constraints: ResolvedConstraints) -> _Music:
+        """The features of the song of a dance, from the cache if they are kept there."""
+        song, config, bounds_s = request.song, request.config, constraints.bounds_s
+        report = substage(request.report, "analysing the music of motifs")
+
+        def kept(name: str, times_s: Floats, make: Callable[[], NDArray[np.float32]]) -> NDArray[np.float32]:
+            return request.memory.value(
+                lambda: kept_rows(song, name, times_s, make) if config.cache else make(),
+                *(name, times_s, song.samples),
+            )
+
+        beats_s = request.song_features.beat_times_s
+        rhythm = kept("rhythm", beats_s, lambda: rhythm_from(song, beats_s, 0.0))
+        if request.style_song is not None:
+            return cls(rhythm, _repeated_spectra(request.style_song, constraints.n_words, config.beats))
+        spectral = kept("spectra", bounds_s, lambda: word_spectra(song, bounds_s, report=report))
+        return cls(rhythm, spectral)
+
+
 def _generated(
-    request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices, asked: NDArray[np.float32]
+    request: DanceRequest,
+    constraints: ResolvedConstraints,
+    motifs: Indices,
+    asked: NDArray[np.float32],
+    music: _Music,
 ) -> Motion:
     """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
     repertoire, features, config = request.repertoire, request.song_features, request.config
     bounds_s, report = constraints.bounds_s, request.report
-    spectral = (
-        word_spectra(request.song, bounds_s, report=substage(report, "analysing the music of motifs"))
-        if request.style_song is None
-        else _repeated_spectra(request.style_song, len(motifs), config.beats)
-    )
     sequence = MotifSequence(
         start_s=bounds_s[:-1],
         end_s=bounds_s[1:],
         motif=asked,
-        rhythm=rhythm_from(request.song, features.beat_times_s, 0.0),
+        rhythm=music.rhythm,
         count_phase=count_phase(constraints.counts, np.arange(0.0, features.duration_s, 1.0 / ROLLOUT_FPS)),
-        spectral=spectral,
+        spectral=music.spectral,
     )
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     net = net.with_style(config.style_strength, config.style_window)

@@ -21,6 +21,7 @@ from choreograph.nets.rollout_poses import (
     N_FEET,
     ROLLOUT_FPS,
     PosePredictor,
+    root_path,
     to_motion,
     to_poses,
     word_conditions,
@@ -165,15 +166,15 @@ def _on_stage(
     for first, stop in zip(bounds[:-1], bounds[1:].clip(max=len(rows)), strict=True):
         before = max(first - 1, 0)
         ahead = rows[before : max(stop, first + STEER_FRAMES)]
-        travel = to_motion(ahead, skeleton, heading_rad=heading).root_pos_m[-1] * [1.0, 0.0, 1.0]
+        travel = root_path(ahead, heading_rad=heading)[0][-1] * [1.0, 0.0, 1.0]
         faces = heading + np.cumsum(ahead[1:, 3])
         turned = float(np.arctan2(np.sin(faces).sum(), np.cos(faces).sum())) if to_front else 0.0
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0
         steered_rad = steer_rad(position, travel, turned, most_rad=_MAX_STEER_RAD)
         rows[before:stop, 3] += steered_rad * window / max(window.sum(), 1e-9)
-        steered = to_motion(rows[before:stop], skeleton, heading_rad=heading)
-        position = position + steered.root_pos_m[-1] * [1.0, 0.0, 1.0]
+        steered_m, _ = root_path(rows[before:stop], heading_rad=heading)
+        position = position + steered_m[-1] * [1.0, 0.0, 1.0]
         heading += float(rows[before + 1 : stop, 3].sum())
     return to_motion(rows, skeleton)
 
