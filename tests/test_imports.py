@@ -16,7 +16,7 @@ HEAVY = ("torch", "librosa", "sklearn", "matplotlib", "networkx", "scipy.stats",
 @pytest.mark.parametrize("engine", ["graph", "mixer", "rollout"])
 def test_a_dance_imports_neither_torch_nor_librosa(engine, tmp_path):
     song = str(cg.example_songs()["house"])
-    arguments = ["dance", song, "-o", "dance.bvh", "--engine", engine, "--duration", "8"]
+    arguments = ["dance", song, "-o", "dance.bvh", "-o", "dance.html", "--engine", engine, "--duration", "8"]
     code = f"""
 import sys
 from choreograph.cli import main
@@ -24,7 +24,7 @@ main({arguments!r}, standalone_mode=False)
 print([name for name in {HEAVY!r} if name in sys.modules])
 """
     assert last_line_of(code, tmp_path) == "[]"
-    assert (tmp_path / "dance.bvh").exists()
+    assert (tmp_path / "dance.bvh").exists() and (tmp_path / "dance.html").exists()
 
 
 def test_a_stream_imports_neither_torch_nor_librosa(tmp_path):

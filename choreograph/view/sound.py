@@ -160,6 +160,9 @@ def aac_stream(container: Any, part: SongPart) -> Any:
     layout = "mono" if part.n_channels == 1 else "stereo"
     stream = container.add_stream("aac", rate=rate_hz, layout=layout)
     stream.bit_rate = _BIT_RATE_PER_CHANNEL * part.n_channels
+    # Three times as fast as the encoder's default method, and nearer to the song at this bit rate (26 dB
+    # instead of 24 dB for the built-in house song).
+    stream.options = {"aac_coder": "fast"}
     return stream
 
 
