@@ -89,7 +89,7 @@ def without_distant(
     """
     motifs = danced.copy()
     vocabulary = repertoire.vocabulary
-    bank = WordBank(vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+    bank = WordBank(vocabulary, repertoire.clip_motion.poses_at, repertoire.word_net().embed)
     for slot, motif in pinned.items():
         if danced[slot] != motif:
             continue

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.numerics import AnyInts, mean_ranks
-from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S, frame_times_s
+from choreograph.core.timebase import (
+    CLIP_FRAMES,
+    NET_FPS,
+    SEGMENT_FRAMES,
+    SEGMENT_S,
+    frame_times_s,
+    times_to_frames,
+)
 from choreograph.library.checks import check_counts, check_parts
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import middle_starts
@@ -177,6 +184,19 @@ class ClipMotion:
         """A take's 21 joints at 20 fps, (T, 21, 3)."""
         start, stop = self._take_rows[take]
         return self._body_pos_m[start:stop]
+
+    def poses_at(self, take: AnyInts, times_s: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Poses (N, ..., 21, 3) of takes (N,) at times (N, ...), linear between frames, constant outside."""
+        shape = (-1, *[1] * (times_s.ndim - 1))
+        first, stop = (rows.reshape(shape) for rows in self._take_rows[take].T)
+        last = stop - first - 1
+        frames = np.clip(times_to_frames(times_s, NET_FPS), 0.0, last)
+        low = np.minimum(frames.astype(np.int64), np.maximum(last - 1, 0))
+        weight = (frames - low)[..., None, None]
+        before = self._body_pos_m[first + low].astype(np.float64)
+        after = self._body_pos_m[first + np.minimum(low + 1, last)].astype(np.float64)
+        poses: NDArray[np.float64] = before * (1 - weight) + after * weight
+        return poses
 
     def clip_pos_m(self, clips: AnyInts) -> NDArray[np.float32]:
         """Body positions of clips (K,) in metres, (K, 160, 21, 3)."""

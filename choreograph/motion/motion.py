@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_banded
 
 from choreograph.core.arguments import (
     as_floats,
@@ -145,13 +145,12 @@ class Motion:
         if self.n_frames < 4:
             return self.sampled(frames, fps=fps)
         frames = np.clip(frames, 0, self.n_frames - 1)
-        knots = np.arange(self.n_frames)
         continuous = rot.make_continuous(self.local_quat)
         quat = np.empty((len(frames), *continuous.shape[1:]))  # (T', J, 4)
-        at_once = max(1, _SPLINE_FRAME_JOINTS // self.n_frames)  # a spline has four times its knots
+        at_once = max(1, _SPLINE_FRAME_JOINTS // self.n_frames)  # a spline has several times its frames
         for joints in frame_blocks(self.skeleton.n_joints, at_once):
-            quat[:, joints] = rot.normalize(CubicSpline(knots, continuous[:, joints])(frames))
-        root_pos_m = CubicSpline(knots, self.root_pos_m)(frames)
+            quat[:, joints] = rot.normalize(_spline_frames(continuous[:, joints], frames))
+        root_pos_m = _spline_frames(self.root_pos_m, frames)
         return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps)
 
     def resampled(self, fps: float) -> Motion:
@@ -182,6 +181,32 @@ class Motion:
         quat = np.array(self.local_quat)
         quat[:, 0] = rot.multiply(rotation, quat[:, 0])
         return replace(self, root_pos_m=root, local_quat=rot.make_continuous(quat))
+
+
+def _spline_frames(values: NDArray[np.float64], frames: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (T, ...), T of 4 or more, at fractional `frames` (T',) by a cubic spline: (T', ...).
+
+    It is scipy's `CubicSpline` with the same arithmetic, but it computes the coefficients of the frames
+    alone.
+    """
+    slope = np.diff(values, axis=0)  # (T - 1, ...)
+    right = np.empty_like(values)  # of the equations for the rates at whole frames
+    right[1:-1] = 3.0 * (slope[:-1] + slope[1:])
+    right[0] = (5.0 * slope[0] + slope[1]) / 2.0  # the first three frames, and the last three, have one cubic
+    right[-1] = (slope[-2] + 5.0 * slope[-1]) / 2.0
+    bands = np.ones((3, len(values)))
+    bands[1, 1:-1] = 4.0
+    bands[0, 1] = bands[2, -2] = 2.0
+    rate = solve_banded((1, 1), bands, right.reshape(len(values), -1), check_finite=False)
+    rate = rate.reshape(values.shape)
+    low = np.minimum(frames.astype(np.int64), len(values) - 2)
+    past = (frames - low).reshape(-1, *[1] * (values.ndim - 1))
+    first_rate, mean_rate = rate[low], slope[low]
+    bend = first_rate + rate[low + 1] - 2.0 * mean_rate
+    result: NDArray[np.float64] = values[low] + first_rate * past
+    result += (mean_rate - first_rate - bend) * (past * past)
+    result += bend * (past * past * past)
+    return result
 
 
 def _as_frames(frames: object) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
@@ -47,6 +46,8 @@ def cluster_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> BodyCl
     if not 1 <= n_bodies <= len(pos_m):
         raise ParameterError(f"expected 1 to {len(pos_m)} bodies for as many frames, got {n_bodies}")
     lengths = _bone_lengths_m(pos_m, roles)
+    from scipy.cluster.vq import kmeans2  # a dance imports this module, and does not need it
+
     _, labels = kmeans2(lengths, n_bodies, minit="++", rng=np.random.default_rng(0))
     clusters = [labels == k for k in range(n_bodies) if (labels == k).any()]
     return BodyClusters(

@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from choreograph.core.counts import Counts
 from choreograph.core.numerics import Floats, Indices
@@ -240,6 +239,8 @@ def song_sections(
     threshold = _SAME_SECTION_DISTANCE * np.sqrt(np.square(beat_features).sum(axis=1).mean())
     if len(means) == 1:
         return Sections(beats_s[[0, -1]], np.zeros(1, np.int64))
+    from scipy.cluster.hierarchy import fcluster, linkage  # not needed where the analysis is kept
+
     labels = fcluster(linkage(means, "average"), threshold, "distance").astype(np.int64) - 1
     # Neighbours with one label are one section, unless other music begins there.
     first = np.r_[True, np.diff(labels) != 0] | at_changes(beats_s[starts], change_times_s)

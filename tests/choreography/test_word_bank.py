@@ -8,6 +8,7 @@ from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
 from choreograph.choreography.mixer.words import WordBank, accented_bounds_s
+from choreograph.library.words import poses_at
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +18,7 @@ def rep(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def bank(rep):
-    return WordBank(rep.vocabulary, rep.body_pos_m, rep.word_net().embed)
+    return WordBank(rep.vocabulary, rep.clip_motion.poses_at, rep.word_net().embed)
 
 
 def test_a_word_ends_as_the_next_of_its_take_begins(bank):
@@ -30,6 +31,14 @@ def test_a_word_ends_as_the_next_of_its_take_begins(bank):
         assert np.abs(first - last).max() < 5e-3
     other, _ = bank.borders_m(v.words_of_take(0)[:1], 0.5)
     assert np.abs(other - last).max() > 0.05
+
+
+def test_poses_of_several_takes_are_read_at_once(rep):
+    takes = np.array([1, 0, 1])
+    times_s = np.array([[0.02, 3.33], [-1.0, 1.0], [2.5, 1e4]])  # also before and after a take
+    poses = rep.clip_motion.poses_at(takes, times_s)
+    for take, at_s, found in zip(takes, times_s, poses, strict=True):
+        np.testing.assert_array_equal(found, poses_at(rep.body_pos_m(int(take)), 20, at_s))
 
 
 def test_faster_words_show_poses_farther_apart(bank):

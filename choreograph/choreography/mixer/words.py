@@ -22,7 +22,6 @@ from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distan
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import poses_at
 from choreograph.motion.body import clips_to_root_frame, heading_rad
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.plan import PlannedWord
@@ -40,7 +39,7 @@ _THIRDS = np.array([0.0, 0.5, 1.0])  # of a word, where its heading is read
 
 
 class WordBank:
-    """Reads words from the takes' positions, (T, 21, 3) at 20 fps, and embeds each when first needed.
+    """Reads words by `poses_at` (see `library.clips.ClipMotion`), and embeds each when first needed.
 
     Words are danced between `bounds_s` (W, 2) of their takes, by default where they were cut. The poses at
     their borders are at `border_s` (2, 3) from the start and from the end, or (3,) from both.
@@ -49,7 +48,7 @@ class WordBank:
     def __init__(
         self,
         vocabulary: Vocabulary,
-        body_pos_m: Callable[[int], AnyFloats],
+        poses_at: Callable[[Indices, AnyFloats], NDArray[np.float64]],
         embed: Callable[[AnyFloats], NDArray[np.float32]],
         bounds_s: AnyFloats | None = None,
         border_s: AnyFloats = AROUND_S,
@@ -58,9 +57,10 @@ class WordBank:
         self.border_s = border_s
         cut_s = np.stack([vocabulary.word_start_s, vocabulary.word_end_s], axis=1)
         self.bounds_s = cut_s if bounds_s is None else bounds_s
-        self._body_pos_m = body_pos_m
+        self._poses_at = poses_at
         self._embed = embed
         self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
+        self._headings_rad = np.full((len(vocabulary.word_motif), len(_THIRDS)), np.nan)
 
     def borders_m(self, words: Indices, lengths_s: float) -> tuple[AnyFloats, AnyFloats]:
         """The three poses at the start and at the end of words (M,), each (M, 3, 21, 3), in the root frame.
@@ -75,8 +75,12 @@ class WordBank:
 
     def headings_rad(self, words: Indices) -> AnyFloats:
         """Headings (M, 3) of the body at the start, in the middle and at the end of words (M,)."""
-        bounds_s = self.bounds_s[words]
-        return heading_rad(self._poses_m(words, bounds_s[:, :1] + _THIRDS * np.diff(bounds_s, axis=1)))
+        new = words[np.isnan(self._headings_rad[words, 0])]
+        if len(new):
+            bounds_s = self.bounds_s[new]
+            poses = self._poses_m(new, bounds_s[:, :1] + _THIRDS * np.diff(bounds_s, axis=1))
+            self._headings_rad[new] = heading_rad(poses)
+        return self._headings_rad[words]
 
     def motif_margin_m(self, words: Indices) -> AnyFloats:
         """Motif margin of each word (M,): how much nearer its motif is than any other, or negative if not."""
@@ -110,11 +114,7 @@ class WordBank:
 
     def _poses_m(self, words: Indices, times_s: AnyFloats) -> NDArray[np.float64]:
         """Poses (M, ..., 21, 3) of the words' takes at times (M, ...)."""
-        poses = np.empty((*times_s.shape, 21, 3))
-        takes = self.vocabulary.word_take[words]
-        for take in np.unique(takes):
-            poses[takes == take] = poses_at(self._body_pos_m(int(take)), NET_FPS, times_s[takes == take])
-        return poses
+        return self._poses_at(self.vocabulary.word_take[words], times_s)
 
 
 def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
@@ -202,7 +202,7 @@ class CandidatePool:
         vocabulary = repertoire.vocabulary
         embed = repertoire.word_net().embed
         bounds_s, border_s = (None, INSIDE_S) if nearest else (accented_bounds_s(repertoire), AROUND_S)
-        bank = WordBank(vocabulary, repertoire.body_pos_m, embed, bounds_s, border_s)
+        bank = WordBank(vocabulary, repertoire.clip_motion.poses_at, embed, bounds_s, border_s)
         slots = bar_positions(constraints.bounds_s[:-1], constraints.counts)
         positions = word_positions(vocabulary, repertoire.counts)
         return cls(constraints, repertoire, bank, rng, slots, positions, nearest, costs)
