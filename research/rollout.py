@@ -33,7 +33,6 @@ from swapped_net import NetsByGenre, WithNet, ablated_nets, bounds_of
 
 import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
-from choreograph.choreography.rollout import engine as rolling
 from choreograph.choreography.rollout import generation
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.dance_scores import read_count_scores
@@ -210,7 +209,7 @@ def styled(pieces: list[Piece], repertoire: WithNet) -> Table:
             own = cg.dance(piece.song, repertoire, **asked)
             motifs = danced_motifs(own.motion, bounds_of(own), repertoire)
             dances = {"another song": cg.dance(piece.song, repertoire, **asked, style_song=other.song)}
-            with patch.object(rolling, "word_spectra", partial(noise, net)):
+            with patch.object(generation, "word_spectra", partial(noise, net)):
                 dances["noise"] = cg.dance(piece.song, repertoire, **asked, cache=False)
             for name, dance in dances.items():
                 same = danced_motifs(dance.motion, bounds_of(dance), repertoire) == motifs

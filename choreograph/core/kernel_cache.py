@@ -4,7 +4,7 @@ numba's own cache is not safe when several processes compile at the same time. T
 compiled functions the same file name, or save the wrapper of a gufunc that calls the inner function by a name
 that only the other process has. A later run then crashes. A damaged file has the same effect. Here an entry
 is one file whose name depends on everything that the code depends on. It is written at once and read only if
-its checksum is right. One process compiles at a time, and the others read the result. If no folder can be
+its checksum is right. One process compiles a kernel, and the others read the result. If no folder can be
 written, kernels are compiled in every run, and a note is logged.
 
 numba has no public way to replace the files of its cache, so `kernel_cache` replaces three of its private
@@ -17,13 +17,16 @@ logged.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import inspect
 import logging
 import os
 import pickle
+import subprocess
+import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar
@@ -36,6 +39,7 @@ from choreograph.core.files import atomic_path, cache_folder
 
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
+_POLL_S = 0.05  # until it is looked again whether another process has compiled a kernel
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
 # The private names of numba that are used here, each with the parameters that it must have.
 _PRIVATE = {
@@ -77,31 +81,87 @@ def njit(
 
 @contextmanager
 def compiled_ahead(*modules: str) -> Iterator[None]:
-    """Compiles the kernels of these modules and packages in a thread while the block runs.
+    """Compiles the kernels of these modules and packages while the block runs, and loads them in a thread.
 
-    Only kernels of imported modules are compiled, in the order in which they were defined. A kernel that the
-    block calls before its turn is compiled at once. At the end of the block, the thread finishes the kernel
-    that it compiles, and leaves out the others.
+    Those that are not in the cache are compiled in another process, because compilation would slow down the
+    block in this one. Only kernels of imported modules are compiled, those with long signatures first, since
+    they take longest. A kernel that the block calls before its turn is compiled at once. At the end of the
+    block, the kernel that is compiled is finished, and the others are left out.
     """
     prefixes = tuple(f"{name}." for name in modules)
-    kernels = [
-        (kernel, ahead) for kernel, ahead in _ahead.items() if f"{kernel.__module__}.".startswith(prefixes)
-    ]
+    longest = sorted(_ahead.items(), key=lambda item: -len(item[1]))
+    kernels = {one: ahead for one, ahead in longest if f"{one.__module__}.".startswith(prefixes)}
     ended = threading.Event()
+    process = _compiling_process(kernels)
 
-    def compile_all() -> None:
-        for kernel, ahead in kernels:
+    def load_all() -> None:
+        for kernel, ahead in kernels.items():
+            while process is not None and process.poll() is None and not _is_kept(kernel, ahead):
+                if ended.wait(_POLL_S):
+                    return
             if ended.is_set():
                 return
-            kernel.compile(ahead)
+            kernel.compile(_argument_types(ahead))
 
-    thread = threading.Thread(target=compile_all, name="compiled_ahead")
+    thread = threading.Thread(target=load_all, name="compiled_ahead")
     thread.start()
     try:
         yield
     finally:
         ended.set()
         thread.join()
+        if process is not None:
+            process.communicate()  # closes its input, which ends it
+
+
+def _argument_types(ahead: str) -> Any:
+    """The argument types of a signature, as calls have them."""
+    return _private("core.sigutils.normalize_signature")(ahead)[0]
+
+
+def _is_kept(kernel: Any, ahead: str) -> bool:
+    """Whether the cache has the code of a kernel for a signature."""
+    cache = kernel._cache
+    path = cache._cache_file._path(cache._index_key(_argument_types(ahead), kernel.targetctx.codegen()))
+    return path is not None and path.exists()
+
+
+def _compiling_process(kernels: Mapping[Any, str]) -> subprocess.Popen[bytes] | None:
+    """A process that compiles those kernels that are not in the cache, until its input is closed.
+
+    None if there is nothing to compile or to keep, or if another program runs this Python.
+    """
+    if _why_not_replaced() is not None or _folder() is None or "python" not in Path(sys.executable).name:
+        return None
+    missing = [(one.__module__, one.__name__) for one, ahead in kernels.items() if not _is_kept(one, ahead)]
+    if not missing:
+        return None
+    code = f"import {__name__} as it\nit.compile_while_wanted({missing})"
+    same = {"PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": _given_folder()}
+    try:
+        return subprocess.Popen(
+            [sys.executable, "-c", code], env={**os.environ, **same},
+            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+    except OSError:
+        return None
+
+
+def compile_while_wanted(names: Sequence[tuple[str, str]]) -> None:
+    """Compile the kernels of these modules and names, one after another, until the standard input ends."""
+    ended = threading.Event()
+
+    def wait_for_end() -> None:
+        sys.stdin.read()
+        ended.set()
+
+    threading.Thread(target=wait_for_end, daemon=True).start()
+    for module, name in names:
+        if ended.is_set():
+            return
+        kernel = getattr(importlib.import_module(module), name)
+        if not _is_kept(kernel, _ahead[kernel]):
+            kernel.compile(_argument_types(_ahead[kernel]))
 
 
 @contextmanager
@@ -213,10 +273,12 @@ def _sha256_of(source: Path) -> str:
 class _Entries:
     """The entries of one function, one for each signature. It replaces numba's `IndexDataCacheFile`.
 
-    numba loads, and after a miss compiles and saves. From the miss to the saving this process has the lock.
+    numba loads, and after a miss compiles and saves. From the miss to the saving this process has the lock of
+    the entry.
     """
 
     _loaded: ClassVar[dict[tuple[str, str, str], str]] = {}  # digests of this process's entries
+    _locks: ClassVar[dict[Path, Any]] = {}  # of the entries that this process compiles
 
     def __init__(self, cache_path: str, filename_base: str, source_stamp: object) -> None:
         self._subfolder, self._name, self._stamp = cache_path, filename_base, source_stamp
@@ -230,14 +292,34 @@ class _Entries:
         if path is None:
             return None
         payload = _read(path)
-        if payload is None and _lock().acquire():
-            payload = _read(path)  # another process may have compiled it meanwhile
-            if payload is not None:
-                _lock().release()
+        if payload is None:
+            payload = self._read_or_lock(path)
         if payload is None:
             return None
         self._note(key, payload)
         return pickle.loads(payload)
+
+    def _read_or_lock(self, path: Path) -> bytes | None:
+        """An entry that another process compiles now, or None with its lock, or without after `_WAIT_S`."""
+        from filelock import Timeout
+
+        with suppress(OSError, NotImplementedError):  # entries are safe without a lock
+            lock = _lock_of(path)
+            for _ in range(round(_WAIT_S / _POLL_S)):
+                with suppress(Timeout):
+                    lock.acquire()
+                    self._locks[path] = lock
+                payload = _read(path)
+                if payload is not None:
+                    self._unlock(path)
+                if payload is not None or path in self._locks:
+                    return payload
+        return None
+
+    def _unlock(self, path: Path) -> None:
+        lock = self._locks.pop(path, None)
+        if lock is not None:
+            lock.release()
 
     def save(self, key: _Key, data: Any) -> None:
         """Write an entry. Logs a note if that fails."""
@@ -253,7 +335,7 @@ class _Entries:
         except (OSError, ChoreographError) as error:
             _note_once(f"compiled code is not kept, every run compiles it again: {error}")
         finally:
-            _lock().release()
+            self._unlock(path)
 
     def _note(self, key: _Key, payload: bytes) -> None:
         self._loaded[self._subfolder, self._name, _arguments(key)] = hashlib.sha256(payload).hexdigest()
@@ -286,54 +368,27 @@ def _read(path: Path) -> bytes | None:
     return None
 
 
-class _Lock:
-    """Lets one process compile at a time. After the first lock that fails, no lock is used."""
+def _lock_of(path: Path) -> Any:
+    """A lock for the process that compiles an entry."""
+    from filelock import FileLock
 
-    def __init__(self, folder: Path) -> None:
-        from filelock import FileLock
-
-        self._held = 0
-        self._lock: Any = FileLock(folder / "lock", timeout=_WAIT_S, thread_local=False)
-
-    def acquire(self) -> bool:
-        from filelock import Timeout
-
-        if self._lock is not None:
-            try:
-                self._lock.acquire()
-                self._held += 1
-            except (OSError, NotImplementedError, Timeout):  # entries are safe without it
-                self._lock = None
-        return self._lock is not None
-
-    def release(self) -> None:
-        if self._lock is not None and self._held:
-            self._held -= 1
-            self._lock.release()
-
-
-def _lock() -> _Lock:
-    return _lock_of(os.getpid())
-
-
-@lru_cache(maxsize=1)
-def _lock_of(process: int) -> _Lock:
-    """A lock of its own for each process, since a fork cannot use that of its parent."""
-    folder = _folder()
-    assert folder is not None
-    return _Lock(folder)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return FileLock(path.with_name(f"{path.name}.lock"), timeout=_POLL_S, thread_local=False)
 
 
 @lru_cache(maxsize=1)
 def _folder() -> Path | None:
     """This version's folder in the user's cache, else in the temporary folder, or None if both fail."""
-    given = getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR
-    folder, why_not = cache_folder(f"kernels-{__version__}-numba-{numba.__version__}", given)
+    folder, why_not = cache_folder(f"kernels-{__version__}-numba-{numba.__version__}", _given_folder())
     if folder is None:
         _note_once(f"compiled code is not kept, every run compiles it again: {why_not}")
     elif why_not:
         _note_once(f"compiled code is kept in {folder.parent}: {why_not}")
     return folder
+
+
+def _given_folder() -> str:
+    return getattr(numba.config, "CACHE_DIR", "")  # NUMBA_CACHE_DIR
 
 
 @lru_cache

@@ -224,7 +224,7 @@ class _Nodes:
         self.last, last_sq = flat_poses(layer.last_pose_m)
         self.first_velocity, first_velocity_sq = flat_poses(layer.first_velocity_m_s)
         self.last_velocity, last_velocity_sq = flat_poses(layer.last_velocity_m_s)
-        starts, ends = layer.take_frames.T.astype(np.float64)
+        starts, ends = np.ascontiguousarray(layer.take_frames.T, np.float64)
         self.at_start = (
             first_sq, first_velocity_sq, rms_speed_m_s(layer.first_velocity_m_s), starts,
             layer.enter_penalty.astype(np.float32), first_motif(layer).astype(np.int64),

@@ -24,6 +24,7 @@ NO_NODE = -1
 OF_NODES = 9  # of the `arrays_of` a layer, the first ones, which have a row for each node
 _USAGE_KEPT = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
 PER_USAGE = np.float32(1.0 / USAGE_SCALE_S)
+_MANY = np.iinfo(np.int16).max  # more words of a motif than a dance has
 _SLACK = 1e-4  # of a bound, times the weights, for rounding errors of costs
 
 
@@ -32,7 +33,7 @@ def arrays_of(
 ) -> tuple[Any, ...]:
     """What `extended` reads of the nodes of a layer, the first two as its beginnings, and of the costs."""
     series, constant = heading_series(layer, song_features)
-    start_rad, end_rad = layer.join_heading_rad.T.astype(np.float32)
+    start_rad, end_rad = np.ascontiguousarray(layer.join_heading_rad.T, np.float32)
     moments = () if form is None else moments_of(layer)
     number = np.array([number for number, _ in moments], np.int64)
     places = [positions(layer, share) for _, share in moments]
@@ -78,37 +79,59 @@ def extended(
     An edge whose lower bound is above the best one into its node is not evaluated.
     """
     n_a, n_b = edges.shape
-    before = (
-        np.cos(turn_rad), np.sin(turn_rad), np.cos(turn_rad + end_rad), np.sin(turn_rad + end_rad), next_part,
-        usage_s, *seen_of(danced, counts, rest_danced, rest_counts, number, new_goal),
-    )  # fmt: skip
-    repeats, bound = bounds_of(weights, weights[3], before[-1], motifs, step_cost)
+    seen_danced, seen = seen_of(danced, counts, rest_danced, rest_counts, number, new_goal)
+    angles, of_starts = np.empty((4, n_a)), np.empty((2, n_b), np.float32)
+    for i in range(n_a):
+        end = turn_rad[i] + end_rad[i]
+        angles[0, i], angles[1, i] = np.cos(turn_rad[i]), np.sin(turn_rad[i])
+        angles[2, i], angles[3, i] = np.cos(end), np.sin(end)
+    for j in range(n_b):
+        of_starts[0, j], of_starts[1, j] = np.cos(start_rad[j]), np.sin(start_rad[j])
+    before = (angles, next_part, usage_s, seen_danced, seen)
+    repeats, bound = bounds_of(weights, weights[3], seen, motifs, step_cost)
     nodes = (
-        take, np.cos(start_rad), np.sin(start_rad), part, series, least_front, places, is_return, form_weight,
-        motifs, repeats,
+        take, of_starts, part, series, least_front, places, is_return, form_weight, motifs, repeats
     )  # fmt: skip
     others = before, nodes, weights, rest_usage_s, step_cost, constants
-    costs, least = np.empty((n_a, n_b)), np.full(n_b, np.inf)
+    costs, least, order, left = np.empty((n_a, n_b)), np.empty(n_b), np.empty(n_a, np.int64), np.empty(n_a)
+    best, parent = np.empty(n_b), np.empty(n_b, np.int64)
+    for j in range(n_b):
+        least[j], best[j], parent[j] = np.inf, np.inf, 0
+    for i in range(n_a):
+        order[i], left[i] = i, 0.0
     if path_node >= 0:
-        nothing = np.zeros((n_a, n_b), np.float32)
-        every, unbounded = np.arange(n_a), np.full(n_b, -np.inf)
-        here = path_node, path_node + 1
-        _evaluate(every, here, np.zeros(n_a), nothing, unbounded, least, costs, *others)
-        reached = reached - costs[:, path_node]
+        nothing, unbounded = np.empty((n_a, n_b), np.float32), np.empty(n_b)
+        unbounded[path_node] = -np.inf
+        for i in range(n_a):
+            nothing[i, path_node] = 0.0
+        _evaluate(order, path_node, path_node + 1, left, nothing, unbounded, least, costs, *others)
         least[path_node] = np.inf
-    _evaluate(np.argsort(reached), (0, n_b), reached, edges, bound, least, costs, *others)
-    best, parent = np.full(n_b, np.inf), np.zeros(n_b, np.int64)
+    for i in range(n_a):
+        left[i] = reached[i] - costs[i, path_node] if path_node >= 0 else reached[i]
+        place = i
+        while place > 0 and left[order[place - 1]] > left[i]:  # promising beginnings first
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = i
+    _evaluate(order, 0, n_b, left, edges, bound, least, costs, *others)
     for i in range(n_a):
         for j in range(n_b):
             if costs[i, j] < best[j]:
                 best[j], parent[j] = costs[i, j], i
 
     steer_rad, history = constants[1], (
-        np.empty(n_b), usage_s[parent] * _USAGE_KEPT, danced[parent], counts[parent]
+        np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32), np.empty((n_b, danced.shape[1])),
+        np.empty((n_b, counts.shape[1]), np.int16),
     )  # fmt: skip
     for j in range(n_b):
         i = parent[j]
         history[0][j] = turn_rad[i]
+        for k in range(usage_s.shape[1]):
+            history[1][j, k] = usage_s[i, k] * _USAGE_KEPT
+        for k in range(danced.shape[1]):
+            history[2][j, k] = danced[i, k]
+        for k in range(counts.shape[1]):
+            history[3][j, k] = 0 if new_goal else counts[i, k]
         if next_part[i] != part[j]:
             joined = (turn_rad[i] + end_rad[i] - start_rad[j] + np.pi) % (2 * np.pi) - np.pi
             history[0][j] = joined - min(max(joined, -steer_rad), steer_rad)
@@ -116,8 +139,6 @@ def extended(
             history[1][j, take[j]] += np.float32(1.0)
         for m in range(n_own):
             history[2][j, number[m]] = places[j, m]
-        if new_goal:
-            history[3][j] = 0
         for w in range(motifs.shape[1]):
             if motifs[j, w] >= 0 and counts.shape[1]:
                 history[3][j, motifs[j, w]] += 1
@@ -126,23 +147,21 @@ def extended(
 
 @njit()
 def _evaluate(
-    rows: Any, columns: Any, reached: Any, edges: Any, bound: Any, least: Any, costs: Any,
+    rows: Any, first: int, stop: int, reached: Any, edges: Any, bound: Any, least: Any, costs: Any,
     before: Any, nodes: Any, weights: Any, rest_usage_s: Any, step_cost: Any, constants: Any,
 ) -> None:  # fmt: skip  # pragma: no cover - compiled
-    """Write to `costs` (P, N) what the beginnings of a range of `rows` cost with the nodes of `columns`.
+    """Write to `costs` (P, N) what the beginnings `rows` cost with the nodes from `first` to `stop` - 1.
 
     `least` (N,) becomes the least cost of each node. Where a lower bound is above it, the cost is inf. Costs
     are added as by `edge_costs`.
     """
-    cos_turn, sin_turn, cos_end, sin_end, next_part, usage_s, seen_danced, seen = before
-    take, cos_start, sin_start, part, series, least_front, places, is_return, form_weight, motifs, repeats = (
-        nodes
-    )
+    angles, next_part, usage_s, seen_danced, seen = before
+    take, of_starts, part, series, least_front, places, is_return, form_weight, motifs, repeats = nodes
     steer = constants[2], constants[3]
     has_usage = weights[1] != 0.0 and usage_s.shape[1] > 0
     for i in rows:
-        turn, end = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
-        for j in range(columns[0], columns[1]):
+        turn, end = (angles[0, i], angles[1, i]), (angles[2, i], angles[3, i])
+        for j in range(first, stop):
             cost = np.float64(edges[i, j]) + reached[i]
             if cost + bound[j] > least[j]:
                 costs[i, j] = np.inf
@@ -157,7 +176,7 @@ def _evaluate(
             total = np.float32(0.0)
             if weights[0] != 0.0:
                 front = turned_cost(
-                    continues, turn, end, (cos_start[j], sin_start[j]), steer,
+                    continues, turn, end, (of_starts[0, j], of_starts[1, j]), steer,
                     (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
                 )  # fmt: skip
                 total += weights[0] * np.float32(front)
@@ -225,12 +244,19 @@ def bounds_of(
     `weight` is that of the signature. A word costs more, the more often its motif has been danced. The other
     costs are never below 0.
     """
-    fewest = np.full(seen.shape[1], np.iinfo(np.int16).max)
+    fewest, least_weight, most = np.empty(seen.shape[1], np.int64), weights[0], np.float32(0.0)
+    for each in weights:
+        least_weight, most = min(least_weight, each), most + each
+    for k in range(seen.shape[1]):
+        fewest[k] = _MANY
     for i in range(len(seen)):
         for k in range(seen.shape[1]):
             fewest[k] = min(fewest[k], seen[i, k])
-    repeats, bound = np.zeros(motifs.shape, np.int64), np.zeros(len(motifs))
+    repeats, bound = np.empty(motifs.shape, np.int64), np.empty(len(motifs))
     for j in range(len(motifs)):
+        bound[j] = 0.0
+        for w in range(motifs.shape[1]):
+            repeats[j, w] = 0
         for w in range(motifs.shape[1]):
             if motifs[j, w] < 0:
                 break
@@ -239,5 +265,5 @@ def bounds_of(
             if weight != 0.0:
                 count = min(fewest[motifs[j, w]] + repeats[j, w], step_cost.shape[1] - 1)
                 bound[j] += weight * step_cost[motifs[j, w], count]
-        bound[j] = -np.inf if weights.min() < 0.0 else bound[j] - _SLACK * (1.0 + weights.sum())
+        bound[j] = -np.inf if least_weight < 0.0 else bound[j] - _SLACK * (1.0 + most)
     return repeats, bound

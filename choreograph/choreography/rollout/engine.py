@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ from choreograph.choreography.enforcement import (
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
-from choreograph.choreography.kept_analysis import kept_rows
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.passages import WordCosts, draw_dance, drawn_words
@@ -31,6 +29,7 @@ from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     HeldPoses,
     MotifSequence,
+    SongMusic,
     generate_motion,
 )
 from choreograph.choreography.slots import ResolvedConstraints
@@ -39,12 +38,7 @@ from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
-from choreograph.library.words import dance_bounds_s
 from choreograph.motion.motion import Credits, Motion
-from choreograph.music.frame_rhythm import rhythm_from, word_spectra
-from choreograph.music.mel import log_mel
-from choreograph.music.song import Song
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.rendering import render_generated, render_over
@@ -178,7 +172,7 @@ def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstrai
     best: _Rollout | None = None
     own = WordCosts.of(request, constraints, RolloutEngine.name)
     costs = None if own is None else own.of_words()
-    music = _Music.of(request, constraints)
+    music = SongMusic.of(request, constraints)
     for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
         wrong = best.wrong if best else ()
         held = _held_longer(wrong, attempt, constraints)
@@ -214,7 +208,7 @@ def _asked(
     words[list(constraints.motifs)] = -1
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     if (words >= 0).any() and net.config.own_embedding_share > 0:
-        bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+        bank = WordBank(repertoire.vocabulary, repertoire.clip_motion.poses_at, repertoire.word_net().embed)
         asked[words >= 0] = bank.embeddings(words[words >= 0])
     if best is not None:
         for slot in constraints.motifs:
@@ -325,39 +319,12 @@ def _kept_motifs(request: DanceRequest, constraints: ResolvedConstraints) -> dic
     }
 
 
-@dataclass(frozen=True, eq=False)
-class _Music:
-    """What the network reads of the song, the same in every attempt."""
-
-    rhythm: NDArray[np.float32]  # (T, 4) at 30 fps
-    spectral: NDArray[np.float32]  # (N, 87) of each word, of the song or of another one
-
-    @classmethod
-    def of(cls, request: DanceRequest, constraints: ResolvedConstraints) -> _Music:
-        """The features of the song of a dance, from the cache if they are kept there."""
-        song, config, bounds_s = request.song, request.config, constraints.bounds_s
-        report = substage(request.report, "analysing the music of motifs")
-
-        def kept(name: str, times_s: Floats, make: Callable[[], NDArray[np.float32]]) -> NDArray[np.float32]:
-            return request.memory.value(
-                lambda: kept_rows(song, name, times_s, make) if config.cache else make(),
-                *(name, times_s, song.samples),
-            )
-
-        beats_s = request.song_features.beat_times_s
-        rhythm = kept("rhythm", beats_s, lambda: rhythm_from(song, beats_s, 0.0))
-        if request.style_song is not None:
-            return cls(rhythm, _repeated_spectra(request.style_song, constraints.n_words, config.beats))
-        spectral = kept("spectra", bounds_s, lambda: word_spectra(song, bounds_s, report=report))
-        return cls(rhythm, spectral)
-
-
 def _generated(
     request: DanceRequest,
     constraints: ResolvedConstraints,
     motifs: Indices,
     asked: NDArray[np.float32],
-    music: _Music,
+    music: SongMusic,
 ) -> Motion:
     """The network's dance to the song of motifs (N,), conditioned on embeddings (N, D)."""
     repertoire, features, config = request.repertoire, request.song_features, request.config
@@ -409,14 +376,3 @@ def lead_in(motif: int, repertoire: Repertoire, fps: float) -> Motion:
     motion, first_s = repertoire.motion(int(v.word_take[word]), end_s - length_s, end_s)
     times_s = end_s - np.arange(SEED_FRAMES, 0, -1) / fps
     return motion.sampled((times_s - first_s) * motion.fps, fps=fps)
-
-
-def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np.float32]:
-    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends.
-
-    `beats` is the dance's setting. A file belongs to the song of the dance, so this song is tracked instead.
-    """
-    tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
-    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
-    spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
-    return spectra[np.arange(n_words) % len(spectra)]

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.kept_analysis import kept_rows
+from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, frame_blocks
+from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
+from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
+from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
+from choreograph.music.frame_rhythm import rhythm_from, word_spectra
+from choreograph.music.mel import log_mel
+from choreograph.music.song import Song
 from choreograph.nets.rollout_poses import (
     N_FEET,
     ROLLOUT_FPS,
@@ -36,6 +46,50 @@ SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts 
 STEER_FRAMES = 2 * ROLLOUT_FPS  # path and heading ahead are those of the next two seconds
 _EMBEDDED_FRAMES = 512  # whose conditions are embedded at once
 _MAX_STEER_RAD = 0.4  # per word, over all of it
+
+
+# What the network reads of the song.
+
+
+@dataclass(frozen=True, eq=False)
+class SongMusic:
+    """What the network reads of the song, the same in every attempt."""
+
+    rhythm: NDArray[np.float32]  # (T, 4) at 30 fps
+    spectral: NDArray[np.float32]  # (N, 87) of each word, of the song or of another one
+
+    @classmethod
+    def of(cls, request: DanceRequest, constraints: ResolvedConstraints) -> SongMusic:
+        """The features of the song of a dance, from the cache if they are kept there."""
+        song, config, bounds_s = request.song, request.config, constraints.bounds_s
+        report = substage(request.report, "analysing the music of motifs")
+
+        def kept(name: str, times_s: Floats, make: Callable[[], NDArray[np.float32]]) -> NDArray[np.float32]:
+            return request.memory.value(
+                lambda: kept_rows(song, name, times_s, make) if config.cache else make(),
+                *(name, times_s, song.samples),
+            )
+
+        beats_s = request.song_features.beat_times_s
+        rhythm = kept("rhythm", beats_s, lambda: rhythm_from(song, beats_s, 0.0))
+        if request.style_song is not None:
+            return cls(rhythm, _repeated_spectra(request.style_song, constraints.n_words, config.beats))
+        spectral = kept("spectra", bounds_s, lambda: word_spectra(song, bounds_s, report=report))
+        return cls(rhythm, spectral)
+
+
+def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np.float32]:
+    """Spectral features (N, 87) of a song from beat to beat, repeated where it ends.
+
+    `beats` is the dance's setting. A file belongs to the song of the dance, so this song is tracked instead.
+    """
+    tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
+    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
+    spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
+    return spectra[np.arange(n_words) % len(spectra)]
+
+
+# Generation of motion.
 
 
 @dataclass(frozen=True, eq=False)
