@@ -89,7 +89,7 @@ def lock_feet(
         move_leg(skeleton, roles, side, pos_m, global_quat, target)
     for block in frame_blocks(motion.n_frames):
         global_quat[block] = to_local(skeleton, global_quat[block])
-    return replace(motion, local_quat=rot.make_continuous(global_quat))
+    return replace(motion, local_quat=rot.make_continuous(global_quat, out=global_quat))
 
 
 def lift_frames(fps: float) -> int:

@@ -57,14 +57,17 @@ def normalize(quat: Floats) -> Floats:
     return np.where(norm > 1e-12, quat / np.maximum(norm, 1e-12), IDENTITY)
 
 
-def make_continuous(quat: Floats) -> Floats:
-    """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) do not change sign."""
+def make_continuous(quat: Floats, *, out: Floats | None = None) -> Floats:
+    """Flip signs along axis 0 (time) so that successive quaternions (T, ..., 4) do not change sign.
+
+    The result is written to `out`, which may be `quat` itself, or to a new array.
+    """
     flips = np.empty(quat[1:].shape[:-1])  # (T-1, ...)
     for block in frame_blocks(len(flips)):
         dots = np.sum(quat[1:][block] * quat[:-1][block], axis=-1)
         flips[block] = np.where(dots < 0, -1.0, 1.0)
     np.cumprod(flips, axis=0, out=flips)
-    out = np.empty(quat.shape, np.result_type(quat, flips))
+    out = np.empty(quat.shape, np.result_type(quat, flips)) if out is None else out
     out[:1] = quat[:1]
     np.multiply(quat[1:], flips[..., None], out=out[1:])
     return out

@@ -62,22 +62,26 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
     times_s = frame_times_s(motion.n_frames, motion.fps)
     scale = _smooth(np.interp(times_s, knots_s, amplitudes), motion.fps)[:, None]  # (T, 1)
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
-    pos_m, before_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
+    feet = {
+        side: [j for j in range(skeleton.n_joints) if roles[f"{side}_ankle"] in ancestors(skeleton, j)]
+        for side in SIDES
+    }
+    before_m, before_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
+    before = {side: (before_m[:, roles[f"{side}_ankle"]], before_quat[:, feet[side]]) for side in SIDES}
+    del before_quat  # a long dance is large
     root_pos_m = _scaled_path(motion.root_pos_m, scale, motion.fps)
     moved_m, global_quat = forward(skeleton, root_pos_m, _scaled_turns(motion.local_quat, scale, motion.fps))
-    for side in SIDES:
-        ankle = roles[f"{side}_ankle"]
-        for joint in range(skeleton.n_joints):
-            if ankle in ancestors(skeleton, joint):  # the foot keeps its rotation
-                global_quat[:, joint] = before_quat[:, joint]
-        away_m = pos_m[:, ankle] - motion.root_pos_m
+    for side, (ankle_m, foot_quat) in before.items():
+        global_quat[:, feet[side]] = foot_quat  # the foot keeps its rotation
+        away_m = ankle_m - motion.root_pos_m
         mean_m = _smooth(away_m, motion.fps)
         target_m = root_pos_m + mean_m + scale * (away_m - mean_m)
-        target_m[:, 1] = pos_m[:, ankle, 1]  # a lower foot would slide on the floor
+        target_m[:, 1] = ankle_m[:, 1]  # a lower foot would slide on the floor
         move_leg(skeleton, roles, side, moved_m, global_quat, target_m)
     for block in frame_blocks(motion.n_frames):
         global_quat[block] = to_local(skeleton, global_quat[block])
-    return replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(global_quat))
+    local_quat = rot.make_continuous(global_quat, out=global_quat)
+    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
 
 
 def _smooth(values: Floats, fps: float) -> Floats:
@@ -100,12 +104,15 @@ def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Floats:
 
     A large excursion is kept, because the other way round would be as far.
     """
-    mean_quat = rot.normalize(_smooth(rot.make_continuous(local_quat), fps))
-    excursion = rot.to_rotvec(rot.multiply(rot.invert(mean_quat), local_quat))  # (T, J, 3)
-    size_rad = np.linalg.norm(excursion, axis=-1)
-    kept = np.clip((size_rad - _KEPT_RAD[0]) / (_KEPT_RAD[1] - _KEPT_RAD[0]), 0.0, 1.0)
-    of_joint = 1.0 + (scale - 1.0) * (1.0 - kept * kept * (3.0 - 2.0 * kept))  # (T, J)
-    return rot.multiply(mean_quat, rot.from_rotvec(of_joint[..., None] * excursion))
+    scaled = _smooth(rot.make_continuous(local_quat), fps)  # (T, J, 4)
+    for block in frame_blocks(len(scaled)):
+        mean_quat = rot.normalize(scaled[block])
+        excursion = rot.to_rotvec(rot.multiply(rot.invert(mean_quat), local_quat[block]))  # (T_b, J, 3)
+        size_rad = np.linalg.norm(excursion, axis=-1)
+        kept = np.clip((size_rad - _KEPT_RAD[0]) / (_KEPT_RAD[1] - _KEPT_RAD[0]), 0.0, 1.0)
+        of_joint = 1.0 + (scale[block] - 1.0) * (1.0 - kept * kept * (3.0 - 2.0 * kept))  # (T_b, J)
+        scaled[block] = rot.multiply(mean_quat, rot.from_rotvec(of_joint[..., None] * excursion))
+    return scaled
 
 
 # Stops: the dance stands still where its song is silent.

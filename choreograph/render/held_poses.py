@@ -143,7 +143,7 @@ def _alive(motion: Motion, pose: _Held) -> Motion:
         global_quat[block] = to_local(skeleton, global_quat[block])
     roots, quats = motion.root_pos_m.copy(), motion.local_quat.copy()
     roots[part], quats[part] = root_pos_m, global_quat
-    return replace(motion, root_pos_m=roots, local_quat=rot.make_continuous(quats))
+    return replace(motion, root_pos_m=roots, local_quat=rot.make_continuous(quats, out=quats))
 
 
 def _sway_m(pose_m: Floats, roles: dict[str, int], phase_s: Floats) -> Floats:

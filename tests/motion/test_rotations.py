@@ -126,3 +126,11 @@ def test_rotation_about_the_vertical(angle):
 
 def test_a_quaternion_of_zero_is_the_identity():
     assert np.array_equal(rot.normalize(np.zeros((2, 4))), np.tile(rot.IDENTITY, (2, 1)))
+
+
+def test_signs_are_made_continuous_in_place():
+    quat = np.random.default_rng(0).normal(size=(9000, 2, 4))  # more than one block of frames
+    expected, kept = rot.make_continuous(quat), quat.copy()
+    np.testing.assert_array_equal(quat, kept)
+    assert rot.make_continuous(quat, out=quat) is quat
+    np.testing.assert_array_equal(quat, expected)
