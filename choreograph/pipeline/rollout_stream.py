@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from choreograph.choreography.constraints import make_constraints
 from choreograph.choreography.genres import genre_note, likely_genre
 from choreograph.choreography.material import counts_of_genre
+from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.rollout.engine import lead_in
 from choreograph.choreography.rollout.streaming import (
     DanceStream,
@@ -130,6 +131,8 @@ class RolloutStream:
         if networks and genre not in networks:
             raise unexpected(f"a genre with a rollout network, among {', '.join(networks)}", genre)
         self._net = self._repertoire.rollout_net(genre or "")
+        repertoire = self._repertoire
+        self._bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
         beat_times_s = self.counts.times_s
         self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
         self.notes += metre_notes
@@ -219,6 +222,8 @@ class RolloutStream:
         progress = np.clip((times_s - word.start_s) / word_s, 0.0, 1.0)
         phase = count_phase(self.counts, times_s)  # (T, 4)
         embedding = self._repertoire.vocabulary.motifs.embeddings[word.motif]
+        if word.word >= 0 and self._net.config.own_embedding_share > 0:
+            embedding = self._bank.embeddings(np.array([word.word]))[0]
         for of_frame, of_count in zip(progress, phase, strict=True):
             self._conditions.append(FrameCondition(embedding, float(of_frame), word_s, of_count))
         if self._dance is None:

@@ -57,3 +57,13 @@ def test_a_request_holds_for_its_words_and_a_later_one_replaces_it(starter, coun
     stream.request(3, 1)
     assert danced(stream, 4).tolist().count(3) >= 1 and stream.words[2].motif == 3
     assert [word.motif for word in stream.words[3:]] != [7, 7, 7]
+
+
+def test_drawn_words_are_those_of_takes_and_requested_motifs_have_none(starter, counts):
+    stream, vocabulary = MotifStream(counts, starter, genre="house", seed=0), starter.vocabulary
+    stream.request(0, n_words=2)
+    words = [stream.begin_word() for _ in range(18)]
+    assert [word.word for word in words[:2]] == [-1, -1]
+    of_takes = [word for word in words if word.word >= 0]
+    assert len(of_takes) > 12
+    assert all(vocabulary.word_motif[word.word] == word.motif for word in of_takes)

@@ -47,15 +47,17 @@ from choreograph.render.runs import steer_rad
 
 
 _LAST_WORDS = 8  # whose median is the duration of words after the last count
+_NO_WORD = -1
 
 
 @dataclass(frozen=True)
 class StreamedWord:
-    """A word of a streamed dance, and the motif on which the network is conditioned in it."""
+    """A word of a streamed dance, and the motif, or the word of a take, on which it is conditioned."""
 
     start_s: float  # in the song
     end_s: float  # in the song
     motif: int  # index in the vocabulary
+    word: int = _NO_WORD  # index in the vocabulary, or -1 for a motif that was requested or drawn alone
 
 
 class MotifStream:
@@ -86,7 +88,7 @@ class MotifStream:
         self._position = bar_positions(self._bounds_s, counts)
         self._bars = np.flatnonzero(count_numbers(self._position) == 1)
         self._words = TakeWords.of(repertoire)
-        self._requested: list[int] = []
+        self._requested: list[tuple[int, int]] = []  # motifs without a word
         self.words: list[StreamedWord] = []  # begun so far
         self.genre = genre
 
@@ -100,26 +102,26 @@ class MotifStream:
         self._goal = motif_goal(self._vocabulary, genre=genre)
         self._genre = genre
         self._takes = takes_of_genre(self._repertoire, genre)
-        self._passage: list[int] = []  # the rest of the drawn passage, from the next word on
+        self._passage: list[tuple[int, int]] = []  # motifs and words of the rest of the drawn passage
         self._danced = np.zeros(self._vocabulary.n_motifs)
 
     def request(self, motif: int, n_words: int) -> None:
         """Dance a motif in the next words, instead of those that were requested for them."""
-        self._requested = [as_index("a motif", motif, self._vocabulary.n_motifs)] * n_words
+        self._requested = [(as_index("a motif", motif, self._vocabulary.n_motifs), _NO_WORD)] * n_words
 
     def begin_word(self) -> StreamedWord:
         """The next word, with its motif requested or drawn."""
         slot = len(self.words)
         if not self._passage and not self._requested:
             self._passage = self._drawn(slot)
-        motif = (self._requested or self._passage)[0]
+        motif, word = (self._requested or self._passage)[0]
         del self._passage[:1], self._requested[:1]
         self._danced[motif] += 1
-        self.words.append(StreamedWord(self._bound_s(slot), self._bound_s(slot + 1), motif))
+        self.words.append(StreamedWord(self._bound_s(slot), self._bound_s(slot + 1), motif, word))
         return self.words[-1]
 
-    def _drawn(self, slot: int) -> list[int]:
-        """The motifs of a passage that begins at a slot, or of one word."""
+    def _drawn(self, slot: int) -> list[tuple[int, int]]:
+        """The motifs and words of a passage that begins at a slot, or of one motif."""
         previous = self.words[-1].motif if self.words else None
         if self._phrase_counts > 1:
             stop = passage_stop(slot, slot + 2 * self._phrase_counts, self._bars, self._phrase_counts)
@@ -129,7 +131,9 @@ class MotifStream:
                 slot_position=position, takes=self._takes, allowed=possible, need=self._need, rng=self._rng,
             )  # fmt: skip
             if drawn is not None:
-                return [int(motif) for motif in drawn]
+                same = np.arange(self._vocabulary.n_motifs) == drawn[:, None]  # (L, K)
+                words = self._words.runs(position, self._takes, same)[0]
+                return list(zip(drawn.tolist(), words.tolist(), strict=True))
         _, possible = self._slots(slot, slot + 2)
         motif = draw_next_motif(
             self._danced,
@@ -140,7 +144,7 @@ class MotifStream:
             possible=possible,
             need=self._need,
         )
-        return [motif]
+        return [(motif, _NO_WORD)]
 
     def _slots(self, start: int, stop: int) -> tuple[Indices, NDArray[np.bool_]]:
         """Positions in the bar (L,) of words from one slot to another, and their possible motifs (L, K)."""
