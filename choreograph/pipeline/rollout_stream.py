@@ -132,7 +132,9 @@ class RolloutStream:
             raise unexpected(f"a genre with a rollout network, among {', '.join(networks)}", genre)
         self._net = self._repertoire.rollout_net(genre or "")
         repertoire = self._repertoire
-        self._bank = WordBank(repertoire.vocabulary, repertoire.body_pos_m, repertoire.word_net().embed)
+        self._bank = WordBank(
+            repertoire.vocabulary, repertoire.clip_motion.poses_at, repertoire.word_net().embed
+        )
         beat_times_s = self.counts.times_s
         self.counts, metre_notes = counts_of_genre(self.counts, self._repertoire, requested)
         self.notes += metre_notes
