@@ -25,7 +25,7 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-plan"
 VERSION = 1
 _AGAIN = "make it again with `choreograph dance SONG -o plan.json`"
-_SETTINGS = ("planner", "blending", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
+_SETTINGS = ("planner", "blending", "stage", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
 AMPLITUDES = 0.5, 1.5  # the least and the greatest of a plan, which may be edited
 SHORTEST_STOP_S = 1.0  # and the least time from one stop to the next
@@ -120,7 +120,7 @@ class Plan:
     opening_s: float = 0.0  # time of the first count. Shortly before it, the dance leaves its first pose
     closing_s: float | None = None  # time from which the last pose is held, or None to dance to the end
     lock_feet: bool = True  # hold planted feet in place when it is rendered
-    keep_on_stage: bool = True  # by small rotations at transitions
+    stage: str = "near"  # on which rotations at transitions keep the dancer, as in `DanceConfig`
     least_cost: float | None = None  # lower bound of the total cost of all paths, if it was asked for
     amplitudes: tuple[float, ...] = ()  # of each second, 1 for the size of the takes, or none if all are 1
     stops_s: tuple[tuple[float, float], ...] = ()  # from when it stands still, until when it moves again

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypedDict, get_args
 import numpy as np
 
 from choreograph.core import installed_names
-from choreograph.core.arguments import check_choice, check_text, is_number, unexpected
+from choreograph.core.arguments import as_stage_m, check_choice, check_text, is_number, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
 from choreograph.core.progress import one_line
@@ -44,6 +44,7 @@ DEFAULT_WEIGHTS = {
     "genre": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
     "front": 3.0, "seed": 0.6, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
     "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0, "form": 4.0,
+    "stage": 6.0,
 }  # fmt: skip
 
 
@@ -122,9 +123,9 @@ class DanceConfig:
     """Whether a pose is held before the first count of the song, and another after its last strong count.
     Held poses stand on both feet, breathe and shift their weight. Used by all engines."""
 
-    keep_on_stage: bool = True
-    """Whether small rotations at the joins keep the dancer near where the dance begins. Used by the graph
-    engine and the mixer."""
+    stage: str = "near"
+    """Where the dancer stays: "near" the middle by small rotations at joins, or "free". "4x3" is a stage 4 m
+    wide and 3 m deep, and motion that leaves it has a cost as well. Used by all engines."""
 
     front: Front = "audience"
     """Where the dancer faces. With "audience", the graph engine and the mixer prefer motion that faces the
@@ -187,6 +188,7 @@ class DanceConfig:
         if self.engine not in get_args(EngineName):
             check_choice("engine", self.engine, engine_names())
         check_beats(self.beats)
+        as_stage_m(self.stage)
         check_text("the cost that a weight is of", *self.weights)
         for name, weight in self.weights.items():
             if not is_number(weight):
@@ -208,7 +210,7 @@ class DanceSettings(TypedDict, total=False):
     transitions: Transitions
     lock_feet: bool
     hold_ends: bool
-    keep_on_stage: bool
+    stage: str
     front: Front
     motif_draw: MotifDraw
     phrase_counts: int
@@ -346,7 +348,7 @@ WEIGHTS: dict[str, float] = {
 DANCE: dict[str, Any] = {
     "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "clip",
     "time_maps": "raw", "blending": "linear", "transitions": "seconds", "lock_feet": False,
-    "hold_ends": False, "keep_on_stage": False, "front": "free", "dynamics": 0.0, "weights": WEIGHTS,
+    "hold_ends": False, "stage": "free", "front": "free", "dynamics": 0.0, "weights": WEIGHTS,
 }  # fmt: skip
 
 
@@ -354,10 +356,8 @@ DANCE: dict[str, Any] = {
 _MOTIFS = {"motif_draw": "absolute", "phrase_counts": 1, "hold_ends": False, "dynamics": 0.0}
 _DANCES: dict[str, dict[str, Any]] = {
     "graph": DANCE,
-    "mixer": {
-        **_MOTIFS, "planner": "greedy", "blending": "linear", "lock_feet": False, "keep_on_stage": False,
-        "front": "free",
-    },
+    "mixer": _MOTIFS
+    | {"planner": "greedy", "blending": "linear", "lock_feet": False, "stage": "free", "front": "free"},
     "rollout": {**_MOTIFS, "front": "free", "style_strength": 40.0, "style_window": "hamming"},
 }  # fmt: skip
 

@@ -1,6 +1,7 @@
 """Are requests danced, to the front, without frozen ends and sliding feet? A table of five seeds.
 
-    python research/requests_and_front.py [--seeds 5] [--duration 40] [--only NAME ...]
+    python research/requests_and_front.py [--seeds 5] [--duration 40] [--only NAME ...] \\
+        [--engine mixer] [--stage 4x3] [--weights JSON]
     python research/requests_and_front.py --repertoire REP --data path/to/dance-with-melody
 
 The first form dances with the built-in takes to six songs: the three that are shipped, and three synthetic
@@ -14,6 +15,7 @@ metre and in another one.
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -36,8 +38,8 @@ HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 UNSEEN = ("hip-hop", "disco", "salsa")  # genres of the synthetic songs
 SEED_OF_SONGS = 3000
 COLUMNS = {
-    "away": 2, "last°": 0, "to front": 2, "frozen": 3, "still": 3, "lift cm": 1, "slide": 2, "jerk": 2,
-    "pfc": 3, "jumps": 1, "counts": 2, "count 1": 2, "tempo": 2,
+    "away": 2, "last°": 0, "to front": 2, "off 4x3": 2, "frozen": 3, "still": 3, "lift cm": 1, "slide": 2,
+    "jerk": 2, "pfc": 3, "jumps": 1, "counts": 2, "count 1": 2, "tempo": 2,
 }  # fmt: skip
 
 
@@ -45,11 +47,13 @@ def motion_row(motion: Motion, joins_s: np.ndarray, front_rad: float = 0.0) -> d
     """The values of a motion alone. Joins are in seconds."""
     pos, fps = body_pos_m(motion), motion.fps
     faces = front.evaluate(pos, fps, front_rad=front_rad)
+    places_m = pos - pos[0, 0] * [1.0, 0.0, 1.0]  # from where it begins
     near = {"half_width_s": physical.JOIN_HALF_WIDTH_S}
     return {
         "away": faces["turned_away_share"],
         "last°": faces["last_heading_deg"],
         "to front": faces["ends_to_front"],
+        "off 4x3": front.outside_share(places_m, 4.0, 3.0),
         "frozen": endings.frozen_ends_share(pos, fps),
         "still": endings.frozen_ends_share(pos, fps, frozen_m_s=endings.HELD_M_S),
         "lift cm": endings.closing_lift_cm(pos, fps),
@@ -93,13 +97,17 @@ def show(name: str, rows: Sequence[dict[str, float]], extra: str = "") -> None:
 
 
 def seed_table(
-    songs: dict[str, cg.Song], repertoire: cg.Repertoire, seeds: int, takes: dict[str, cg.Take]
+    songs: dict[str, cg.Song],
+    repertoire: cg.Repertoire,
+    seeds: int,
+    takes: dict[str, cg.Take],
+    settings: dict[str, object],
 ) -> None:
     """Dances of several seeds to each song, the distances between them, and real takes to the same songs."""
     print(" " * 24 + "".join(f"{column:>8s}" for column in COLUMNS))
     everything = []
     for name, song in songs.items():
-        made = [cg.dance(song, repertoire, seed=seed) for seed in range(seeds)]
+        made = [cg.dance(song, repertoire, seed=seed, **settings) for seed in range(seeds)]
         rows = [dance_row(dance, repertoire) for dance in made]
         everything += rows
         bodies = [body_pos_m(dance.motion) for dance in made]
@@ -107,8 +115,17 @@ def seed_table(
             requests.joint_distance_m(bodies[i], bodies[j], made[0].motion.fps)
             for i, j in combinations(range(seeds), 2)
         ]
+        rotated = [np.roll(body, len(body) // 2, axis=0) for body in bodies]
+        chance = [
+            requests.joint_distance_m(bodies[i], rotated[j], made[0].motion.fps)
+            for i, j in combinations(range(seeds), 2)
+        ]
         away = " ".join(f"{row['away']:.2f}" for row in rows)
-        far = f"seeds {np.mean(distances):.2f} (least {min(distances):.2f}) m, " if distances else ""
+        far = (
+            f"seeds {np.mean(distances):.2f} (least {min(distances):.2f}, chance {np.mean(chance):.2f}) m, "
+            if distances
+            else ""
+        )
         show(name, rows, f"{far}away {away}; {genres_of(made[0])}")
         if name in takes:
             motion = takes[name].motion
@@ -116,10 +133,10 @@ def seed_table(
             facing = front.usual_front_rad(body_pos_m(motion), motion.fps)
             show("  as recorded", [motion_row(motion, np.zeros(0), facing)])
     show("mean", everything)
-    chance = front.uniform_chance()
+    level = front.uniform_chance()
     show(
         "chance",
-        [{"away": chance["turned_away_share"], "last°": 90.0, "to front": 0.25, "slide": 1.0, "jerk": 1.0}],
+        [{"away": level["turned_away_share"], "last°": 90.0, "to front": 0.25, "slide": 1.0, "jerk": 1.0}],
     )
 
 
@@ -192,6 +209,9 @@ def main() -> None:
     parser.add_argument("--data", type=Path, help="dance-with-melody, of a repertoire of its takes")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--duration", type=float, default=40.0, help="seconds of each song")
+    parser.add_argument("--engine", default="graph")
+    parser.add_argument("--stage", default="near")
+    parser.add_argument("--weights", type=json.loads, default={}, help='of the graph\'s, as {"seed": 1}')
     parser.add_argument("--only", nargs="*", default=[], help="names of songs")
     parser.add_argument("--asked", nargs="*", default=[], metavar="ENGINE", help="ask for genres, too")
     given = parser.parse_args()
@@ -204,7 +224,8 @@ def main() -> None:
             songs = {song.name: song for song in shipped_and_unseen(Path(folder), given.duration)}
         songs = {name: song for name, song in songs.items() if not given.only or name in given.only}
         if given.seeds:
-            seed_table(songs, repertoire, given.seeds, takes)
+            settings = {"engine": given.engine, "stage": given.stage, "weights": given.weights}
+            seed_table(songs, repertoire, given.seeds, takes, settings)
         genre_table(songs, repertoire, given.asked)
 
 

@@ -140,10 +140,10 @@ def test_a_dance_plays_the_raw_path_on_seconds(made):
 def test_a_dance_is_rendered_without_locked_feet_held_ends_or_steering(made, built):
     plan = made.plan
     assert (plan.opening_s, plan.closing_s) == (0.0, None)
-    assert not plan.lock_feet and not plan.keep_on_stage
+    assert not plan.lock_feet and plan.stage == "free"
     joined, _ = assemble(
         plan_runs(plan), take_motions(built[0]), fps=60.0, duration_s=plan.duration_s, blending="linear",
-        keep_on_stage=False, to_front=False,
+        stage="free", to_front=False,
     )  # fmt: skip
     np.testing.assert_array_equal(made.motion.local_quat, joined.local_quat)
     np.testing.assert_array_equal(made.motion.root_pos_m, joined.root_pos_m)
@@ -266,7 +266,7 @@ def test_the_mixer_takes_the_word_whose_first_poses_are_nearest(rolling_by_genre
     config = published.published_dance("mixer")
     plan = cg.dance(song, rolling_by_genre, genre="folk", duration_s=8, config=config).plan
     assert (plan.planner, plan.blending, plan.front) == ("greedy", "linear", "free")
-    assert not (plan.lock_feet or plan.keep_on_stage)
+    assert not plan.lock_feet and plan.stage == "free"
     v, names = rolling_by_genre.vocabulary, [take.name for take in rolling_by_genre.takes]
     start_of = {
         (names[t], round(float(s), 6)): w

@@ -15,7 +15,6 @@ from choreograph.choreography.mixer.words import (
     CandidatePool,
     Candidates,
     WordBank,
-    consecutive_slots,
     search_words,
 )
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
@@ -276,3 +275,14 @@ def _rms(vectors: NDArray[np.floating]) -> Floats:
     """Root mean square lengths (N,) of vectors (N, 21, 3)."""
     rms: Floats = np.sqrt(np.square(vectors).sum(axis=-1).mean(axis=-1))
     return rms
+
+
+def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
+    """Slots that follow one another with the same value, in order."""
+    groups: list[list[int]] = []
+    for slot in sorted(slots):
+        if groups and groups[-1][-1] == slot - 1 and slots[slot - 1] == slots[slot]:
+            groups[-1].append(slot)
+        else:
+            groups.append([slot])
+    return groups

@@ -118,7 +118,7 @@ class DanceRequest:
             "music_beat_numbers": tuple(map(int, counts.numbers)) if counts.has_bars else (),
             "metre": counts.metre, "opening_s": opening_s,
             "closing_s": closing_s if closing_s < features.duration_s else None,
-            "lock_feet": config.lock_feet, "keep_on_stage": config.keep_on_stage,
+            "lock_feet": config.lock_feet, "stage": config.stage,
             "front": config.front, "amplitudes": self._amplitudes, "stops_s": self._stops_s,
         }  # fmt: skip
         return Plan(**{**common, **parts})

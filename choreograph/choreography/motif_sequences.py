@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, bars_of
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, Indices
+from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.library.motifs import ALL_GENRES, Vocabulary
+from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import checked_signature
+from choreograph.music.count_grids import accent_shifts_s
 
 # Goals for a whole dance: its motif signature and its motif transitions.
 
@@ -78,6 +80,24 @@ def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -
 def count_numbers(positions: Indices) -> Indices:
     """The number of the count (N,) at each position in the bar, 0 if it is not known."""
     return positions % _MANY
+
+
+def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
+    """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
+
+    Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
+    instead, as in the time maps of the graph engine (`music.count_grids`).
+    """
+    v = repertoire.vocabulary
+    bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
+    for take in np.unique(v.word_take):
+        counts_s = repertoire.counts(int(take)).times_s
+        if len(counts_s) < 2:
+            continue
+        shifts_s = accent_shifts_s(repertoire.motion_beats_s(int(take)), counts_s)
+        own = v.word_take == take
+        bounds_s[own] += np.interp(bounds_s[own], counts_s, shifts_s, left=0.0, right=0.0)
+    return bounds_s
 
 
 def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:

@@ -329,10 +329,10 @@ def _explained_costs() -> dict[str, str]:
     from choreograph.choreography.graph.cost import Cost
     from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
     from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
-    from choreograph.choreography.graph.returns import FormCost
+    from choreograph.choreography.graph.returns import FormCost, Stage
     from choreograph.settings import cost_names
 
-    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS]
+    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS]
     explained = {}
     for kind in [*kinds, *(type(cost) for cost in installed_costs(cost_names()))]:
         text = inspect.getdoc(kind) or ""

@@ -120,6 +120,22 @@ def as_texts(what: str, values: Any) -> tuple[str, ...]:
     return as_list(what, values, "texts", str)
 
 
+def as_stage_m(stage: str) -> tuple[float, float] | None:
+    """Width and depth of a stage in metres, or None for "near" and "free".
+
+    Raises `ParameterError` unless the text is one of these or of the form "4x3", with 1 to 100 m each.
+    """
+    if stage in ("near", "free"):
+        return None
+    try:
+        width_m, depth_m = (float(side) for side in stage.split("x"))
+    except ValueError:
+        width_m = depth_m = math.nan
+    if not (1.0 <= width_m <= 100.0 and 1.0 <= depth_m <= 100.0):
+        raise unexpected("a stage near, free, or its width and depth in metres, 1 to 100, such as 4x3", stage)
+    return width_m, depth_m
+
+
 def check_function(what: str, value: object) -> None:
     """Raise `ParameterError` unless a value is None or a function."""
     if not (value is None or callable(value)):

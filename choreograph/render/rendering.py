@@ -8,13 +8,14 @@ from typing import get_args
 
 import numpy as np
 
-from choreograph.core.arguments import check_choice, check_function, check_kind, unexpected
+from choreograph.core.arguments import as_stage_m, check_choice, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics, frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
+from choreograph.motion.body import ground_pos_m
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
@@ -50,7 +51,7 @@ def assemble(
     fps: float,
     duration_s: float,
     blending: str,
-    keep_on_stage: bool = True,
+    stage: str = "near",
     to_front: bool = True,
     sample: RunSampler = sample_run,
     report: StepReport | None = None,
@@ -59,7 +60,8 @@ def assemble(
 
     Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
     stood at the transition (the paper does not say how nodes are joined), and steered a little to face the
-    audience (`to_front`) and to keep the dance on the stage (`keep_on_stage`), both ours.
+    audience (`to_front`) and to keep the dance on the `stage`, both ours. The dance begins in the middle of
+    the stage. If that has borders, its middle is above the origin.
     `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
     decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
 
@@ -73,10 +75,16 @@ def assemble(
     quat_out: Floats | None = None
     feet_m: list[tuple[int, Floats]] = []
     previous: SampledRun | None = None
+    middle_m = np.zeros(3)  # of the stage
     for done, run in enumerate(runs, start=1):
         sampled = sample(run, read_motion, fps, margin)
-        if previous is not None:
-            sampled = align_to(previous, sampled, fps, keep_on_stage=keep_on_stage, to_front=to_front)
+        if previous is None:
+            middle_m = ground_pos_m(sampled.body_at(sampled.start))
+            if as_stage_m(stage):
+                sampled, middle_m = sampled.moved(0.0, -middle_m), np.zeros(3)
+        else:
+            bent = "free" if to_front and run is runs[-1] else stage  # so that the last pose faces the front
+            sampled = align_to(previous, sampled, fps, stage=bent, middle_m=middle_m, to_front=to_front)
         if quat_out is None:
             quat_out = np.empty((total, *sampled.quat.shape[1:]))
         rows = sampled.rows(sampled.start, sampled.stop)
@@ -174,7 +182,7 @@ def render_from(
         fps=plan.fps,
         duration_s=plan.duration_s,
         blending=plan.blending,
-        keep_on_stage=plan.keep_on_stage,
+        stage=plan.stage,
         to_front=plan.front == "audience",
         sample=sample,
         report=part(report, 0, 70, _STEPS),

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.special import expit
 
+from choreograph.core.arguments import as_stage_m
 from choreograph.core.numerics import Floats, Indices, RecentItems
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -28,24 +29,53 @@ MAX_STEER_RAD = 0.25  # per transition, 14°, which moves the feet by about 3 cm
 
 
 def steer_rad(
-    pos_m: Floats, travel_m: Floats, turned_rad: float = 0.0, *, most_rad: float = MAX_STEER_RAD
+    pos_m: Floats,
+    travel_m: Floats,
+    turned_rad: float = 0.0,
+    *,
+    stage: str = "near",
+    most_rad: float = MAX_STEER_RAD,
 ) -> float:
     """Extra rotation at a position (3,) for the path (3,) ahead, from -`most_rad` to `most_rad`.
 
     It brings a dancer who is turned by `turned_rad` from where its take faces the audience back to the front.
     What is left of it bends the path towards the middle of the stage. Without it, takes that all lead forward
-    would leave the stage. Far from the stage, the path comes first. The transition smooths the rotation.
+    would leave the stage. Far from the stage "near", the path comes first. The transition smooths the
+    rotation. `stage` is as in `DanceConfig`.
     """
     front = np.clip((np.pi - turned_rad) % (2 * np.pi) - np.pi, -most_rad, most_rad)
     if np.linalg.norm(travel_m) < _TRAVEL_M:
         return float(front)
     home, ahead = np.arctan2(-pos_m[0], -pos_m[2]), np.arctan2(travel_m[0], travel_m[2])
     off = (home - ahead + np.pi) % (2 * np.pi) - np.pi
-    radii = float(np.linalg.norm(pos_m)) / STAGE_RADIUS_M
-    need, far = np.clip(2.0 * radii - 1.0, 0.0, 1.0), np.clip(0.5 * radii - 1.0, 0.0, 1.0)
+    radii = _radii(pos_m, stage)
+    need = np.clip(2.0 * radii - 1.0, 0.0, 1.0)
+    far = np.clip(0.5 * radii - 1.0, 0.0, 1.0) if stage == "near" else 0.0
     left = most_rad - abs(front)
     near_rad = front + need * np.clip(off - front, -left, left)
     return float((1.0 - far) * near_rad + far * np.clip(off, -most_rad, most_rad))
+
+
+def _radii(pos_m: Floats, stage: str) -> float:
+    """How far a position (3,) is from the middle of a stage, 1 at its border. Always 0 on a free one."""
+    if stage == "free":
+        return 0.0
+    size_m = as_stage_m(stage)
+    if size_m is None:
+        return float(np.linalg.norm(pos_m)) / STAGE_RADIUS_M
+    return 2.0 * float(max(abs(pos_m[0]) / size_m[0], abs(pos_m[2]) / size_m[1]))
+
+
+_FEET_M = 0.3  # from the pelvis to a foot that steps aside
+
+
+def stage_half_m(stage_m: tuple[float, float]) -> tuple[float, float]:
+    """How far the pelvis may be from the middle of a stage, to the sides and to front and back.
+
+    The feet should stay within the borders as well, so that it stays 0.3 m, or a quarter, within.
+    """
+    width_m, depth_m = (max(side_m / 2 - _FEET_M, side_m / 4) for side_m in stage_m)
+    return width_m, depth_m
 
 
 # Runs: parts of takes with their time in the dance, without a transition inside.
@@ -310,23 +340,25 @@ def align_to(
     sampled: SampledRun,
     fps: float,
     *,
-    keep_on_stage: bool = True,
+    stage: str = "near",
+    middle_m: Floats | None = None,
     to_front: bool = True,
 ) -> SampledRun:
     """`sampled`, moved to place and heading of `previous` at its start, and steered a little.
 
     It is steered back to the heading of its take, which faces the audience with its front (`to_front`), and
-    towards the middle of the stage (`keep_on_stage`).
+    towards `middle_m`, the middle (3,) of the `stage`.
     """
     before, after = previous.body_at(sampled.start), sampled.body_at(sampled.start)
     yaw_rad = _turn_rad(before, after)
-    if not keep_on_stage and not to_front:
+    if stage == "free" and not to_front:
         return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
     end = sampled.body_at(sampled.stop - 1)
-    place_m = ground_pos_m(before) if keep_on_stage else np.zeros(3)
     travel_m = rot.rotate(rot.about_y(yaw_rad), ground_pos_m(end) - ground_pos_m(after))
     share = min(1.0, (sampled.stop - sampled.start) / fps)  # short runs have many transitions
-    yaw_rad += share * steer_rad(place_m, travel_m, yaw_rad if to_front else 0.0)
+    turned_rad = yaw_rad if to_front else 0.0
+    place_m = ground_pos_m(before) - (0.0 if middle_m is None else middle_m)
+    yaw_rad += share * steer_rad(place_m, travel_m, turned_rad, stage=stage)
     return sampled.moved(yaw_rad, _shift_m(before, after, yaw_rad))
 
 

@@ -29,8 +29,9 @@ from choreograph.choreography.graph.costs import (
     Velocity,
 )
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
-from choreograph.choreography.graph.returns import FormCost
+from choreograph.choreography.graph.returns import FormCost, Stage
 from choreograph.core.errors import ParameterError
+from choreograph.motion.body import BODY_JOINTS
 from choreograph.settings import DEFAULT_WEIGHTS
 
 
@@ -236,7 +237,10 @@ def front_by_hand(a, b, i, j, song_features) -> float:
     if b.part[j] != a.next_part[i]:
         cost += 4.0 * (1.0 - math.cos(rotation))
     if b.second == song_features.n_seconds - 1:  # the last pose
-        cost += 6.0 * (1.0 - math.cos(b.heading_rad[j, -2] + rotation))
+        pose_m = b.bank.poses_m(b.clip[j : j + 1], b.source_frames[j : j + 1, -2])[0][0]
+        across_m = pose_m[BODY_JOINTS.index("left_hip")] - pose_m[BODY_JOINTS.index("right_hip")]
+        hips_rad = math.atan2(-across_m[2], across_m[0])  # turned against the body
+        cost += 6.0 * (1.0 - math.cos(b.heading_rad[j, -2] + hips_rad + rotation))
     return cost
 
 
@@ -389,5 +393,5 @@ def test_a_cost_has_its_class_name_or_its_own():
 
 def test_default_weights_are_of_the_graphs_costs():
     assert set(DEFAULT_WEIGHTS) == {
-        cost.name for cost in (*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS)
+        cost.name for cost in (*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS)
     }

@@ -7,7 +7,8 @@ import pytest
 
 import choreograph as cg
 from choreograph.choreography.graph import engine
-from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_words
+from choreograph.choreography.mixer import engine as mixer
+from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, search_words
 from choreograph.evaluation.metrics import front
 from choreograph.motion.body import body_pos_m
 
@@ -68,8 +69,33 @@ def test_words_are_chosen_that_lead_to_the_front():
     poses = np.zeros((2, 3, 3, 21, 3))
     takes = np.arange(3)
     headings_rad = np.array([[0.0, 0.0, 0.0], [0.0, np.pi / 2, np.pi], [0.0, 0.1, 0.2]])
-    here = Candidates(np.array([0, 2, 4]), takes, np.array([0.1, 0.0, 0.05]), *poses, headings_rad)
+    ways = headings_rad, np.zeros((3, 2, 2))
+    here = Candidates(np.array([0, 2, 4]), takes, np.array([0.1, 0.0, 0.05]), *poses, *ways)
     slots = [here.without(2, 4), here.without(0)]
     for search in SEARCHES:
         assert search_words(slots, search=search).tolist() == [0, 2]
         assert search_words(slots, search=search, last_slot=1).tolist() == [0, 4]
+
+
+def test_passages_are_drawn_that_face_the_audience():
+    """The motifs that a mixer draws are danced with the back to the audience in fewer words than without."""
+    away = {}
+    for setting in ("audience", "free"):
+        requests = []
+        with pytest.MonkeyPatch.context() as patch:
+            mix = mixer.mix
+            patch.setattr(
+                mixer, "mix", lambda request, made=requests, m=mix: made.append(request) or m(request)
+            )
+            for seed in range(3):
+                cg.dance(cg.example_songs()["waltz"], duration_s=16, engine="mixer", front=setting, seed=seed)
+        backs = []
+        for request in requests:
+            pool = CandidatePool.of(request.constraints, request.repertoire, np.random.default_rng(0))
+            heading_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))
+            turns = (0.5 - 0.5 * np.cos(heading_rad)).mean(axis=1)  # (W,)
+            wanted = mixer._motifs(pool, request)
+            of_motif = [turns[pool.vocabulary.word_motif == motif].mean() for motif in wanted]
+            backs.append(np.mean(of_motif))
+        away[setting] = np.mean(backs)
+    assert away["audience"] < away["free"]

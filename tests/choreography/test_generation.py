@@ -83,7 +83,7 @@ def test_a_dance_that_walks_away_is_steered_back(to_front):
     walk = MotifSequence(bounds[:-1], bounds[1:], np.zeros((120, 184)), *np.zeros((2, 1800, 4)), None)
     skeleton = synthetic_motion(np.zeros(2, int)).skeleton
     away = np.linalg.norm(to_motion(poses, skeleton).root_pos_m[:, [0, 2]], axis=1).max()
-    steered = generation._on_stage(poses, walk, skeleton, to_front=to_front)
+    steered = generation._on_stage(poses, walk, skeleton, to_front=to_front, stage="near")
     home = np.linalg.norm(steered.root_pos_m[:, [0, 2]], axis=1).max()
     assert away > 30 and home < (8 if to_front else 4)
 
@@ -96,7 +96,7 @@ def test_a_dance_that_is_turned_is_steered_to_the_front():
     given = MotifSequence(bounds[:-1], bounds[1:], np.zeros((12, 184)), *np.zeros((2, 180, 4)), None)
     skeleton = synthetic_motion(np.zeros(2, int)).skeleton
     for to_front, least, most in ((True, 0.0, 0.1), (False, 1.4, 2.0)):
-        turned = generation._on_stage(poses, given, skeleton, to_front=to_front)
+        turned = generation._on_stage(poses, given, skeleton, to_front=to_front, stage="near")
         assert least <= abs(rot.yaw(turned.local_quat[-1, 0])) < most
 
 

@@ -15,6 +15,7 @@ from choreograph.choreography.graph.local_search import CheapNodes, cheapest, in
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
+from choreograph.motion.body import BODY_JOINTS
 
 
 class Preference(Cost):
@@ -81,7 +82,10 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
         away = ((0.5 - 0.5 * np.cos(node.heading_rad[0] + turned_rad)) ** 2).mean()
         away += 4.0 * (1.0 - np.cos(turned_rad)) if joined else 0.0
         if node is path.nodes[-1]:
-            away += 6.0 * (1.0 - np.cos(node.heading_rad[0, -2] + turned_rad))
+            pose_m = node.bank.poses_m(node.clip, node.source_frames[:, -2])[0][0]
+            across_m = pose_m[BODY_JOINTS.index("left_hip")] - pose_m[BODY_JOINTS.index("right_hip")]
+            hips_rad = np.arctan2(-across_m[2], across_m[0])  # turned against the body
+            away += 6.0 * (1.0 - np.cos(node.heading_rad[0, -2] + hips_rad + turned_rad))
         assert terms["front"] == pytest.approx(0.5 * away, abs=1e-4)
 
 

@@ -7,7 +7,8 @@ import pytest
 from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
-from choreograph.choreography.mixer.words import WordBank, accented_bounds_s
+from choreograph.choreography.mixer.words import WordBank
+from choreograph.choreography.motif_sequences import accented_bounds_s
 from choreograph.library.words import poses_at
 
 

@@ -58,11 +58,11 @@ def test_the_published_method_says_what_it_needs(tmp_path, song, db):
 
 def test_a_dance_without_what_rendering_adds(tmp_path, song, db):
     plan = tmp_path / "p.json"
-    given = ("warping=dtw", "time-maps=raw", "lock_feet=false", "hold_ends=false", "keep_on_stage=False")
+    given = ("warping=dtw", "time-maps=raw", "lock_feet=false", "hold_ends=false", "stage=free")
     result = run("dance", song, "--db", db, *(f"--set={setting}" for setting in given), "-o", plan)
     assert result.exit_code == 0, result.output
     made = cg.Plan.read(plan)
-    assert (made.lock_feet, made.keep_on_stage, made.opening_s, made.closing_s) == (False, False, 0.0, None)
+    assert (made.lock_feet, made.stage, made.opening_s, made.closing_s) == (False, "free", 0.0, None)
     steps = np.diff([second.source_times_s for second in made.seconds], axis=1) * 20
     assert np.abs(steps[..., None] - [0.5, 1.0, 2.0]).min(axis=-1).max() < 1e-3
 

@@ -85,7 +85,7 @@ def test_a_run_is_aligned_with_the_one_before(blending, second_take):
         ["sway", "sway", second_take, second_take],
         seconds(3, 4, 5, 6),
         blending=blending,
-        keep_on_stage=False,
+        stage="free",
         to_front=False,
     )
     body = body_pos_m(made)

@@ -33,7 +33,7 @@ class Cost:
     min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
         edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
     of_path : whether its values depend on the path to a node, by `Layer.motif_counts`, `Layer.take_usage_s`,
-        `Layer.danced` or `Layer.turn_rad`
+        `Layer.danced`, `Layer.turn_rad` or `Layer.place_m`
     min_path_cost : lower bound of the sum of its values over a whole path, of a cost with `of_path`
 
     References

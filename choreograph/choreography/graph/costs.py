@@ -22,6 +22,7 @@ from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
+from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import COST_GROUP, DanceConfig, resolve_weights
@@ -31,6 +32,7 @@ TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
 _LAST_POSE = 6.0  # of 1 - cos of the heading of the last pose
 STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
 OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
+_LEFT_HIP, _RIGHT_HIP = (BODY_JOINTS.index(f"{side}_hip") for side in ("left", "right"))
 
 
 class Genre(Cost):
@@ -238,11 +240,13 @@ def heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats
 
 
 def _last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-    """Cosine and sine (N, 2) of the headings of the last pose, times its cost. None in other seconds."""
+    """Cosine and sine (N, 2) of the hips' headings in the last pose, times its cost. Else None."""
     last = _frame_of_last_pose(song_features) - layer.second * NODE_FRAMES
     if not 0 <= last < NODE_FRAMES:
         return None
-    heading_rad = layer.heading_rad[:, last]
+    poses_m, _ = layer.bank.poses_m(layer.clip, layer.source_frames[:, last])
+    across_m = poses_m[:, _LEFT_HIP] - poses_m[:, _RIGHT_HIP]  # hips may be turned against the shoulders
+    heading_rad = layer.heading_rad[:, last] + np.arctan2(-across_m[:, 2], across_m[:, 0])
     pose: AnyFloats = _LAST_POSE * np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
     return pose
 

@@ -18,9 +18,10 @@ from choreograph.choreography.graph.layer_source import AllowedNodes, make_layer
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, Stillness
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy, plan_motion_graph
-from choreograph.choreography.graph.returns import FormCost, Returns
+from choreograph.choreography.graph.returns import FormCost, Returns, Stage
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
+from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
@@ -54,7 +55,7 @@ class GraphEngine:
             "blending",
             "transitions",
             "lock_feet",
-            "keep_on_stage",
+            "stage",
             "front",
             "weights",
             "costs",
@@ -146,7 +147,7 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stillness, FormCost, *MOTIF_COSTS)
+    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS)
     names = [
         *(cost.name for cost in known),
         *(cost.name for cost in costs),
@@ -237,6 +238,8 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
     costs += installed_costs(config.weights, request.costs)
     costs.append(Seed(config.seed))
+    size_m = as_stage_m(config.stage)
+    costs += [Stage(size_m)] if size_m else []
     costs.append(Stillness(request.repertoire.clip_motion))
     costs += _form_costs(request)
     if goals:

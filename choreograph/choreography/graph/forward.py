@@ -41,7 +41,7 @@ from choreograph.choreography.graph.motif_costs import (
     last_motif,
 )
 from choreograph.choreography.graph.path_kernels import PER_USAGE, arrays_of, bounds_of, form_of, words_of
-from choreograph.choreography.graph.returns import FormCost
+from choreograph.choreography.graph.returns import FormCost, Stage
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts, Floats
 from choreograph.core.timebase import CLIP_FRAMES
@@ -68,7 +68,7 @@ class Steps:
         self._with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
         kinds = [type(w.cost) for w in self._with_edges]
         # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
-        self._thread_safe = set(kinds) <= {*BUILTIN_COSTS, *MOTIF_COSTS, FormCost}
+        self._thread_safe = set(kinds) <= {*BUILTIN_COSTS, *MOTIF_COSTS, FormCost, Stage}
         self._compiled = set(kinds) <= set(_ORDER) and kinds == [kind for kind in _ORDER if kind in kinds]
         self._nodes: _Nodes | None = None
 

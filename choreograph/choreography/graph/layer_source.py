@@ -21,7 +21,7 @@ from choreograph.choreography.graph.motif_costs import (
     song_words_s,
     words_between,
 )
-from choreograph.choreography.graph.returns import FormCost, Returns
+from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
 from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
 from choreograph.choreography.material import SectionGoal
@@ -33,6 +33,7 @@ from choreograph.choreography.selection import (
     select_clips,
     steps_mismatch,
 )
+from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import substage
@@ -291,6 +292,7 @@ def make_layers(
         moments=returns.moments(n_seconds) if returns else None,
         returns=returns.returning(n_seconds) if returns else None,
         steer_rad=MAX_STEER_RAD if config.front == "audience" else 0.0,
+        walk_at=WALK_AT if as_stage_m(config.stage) else (),
         memory=request.memory.of("layers"),
     )  # fmt: skip
 

@@ -100,6 +100,8 @@ class Layer:
     join_heading_rad: AnyFloats  # (N, 2) where takes may change at the second's start, and at its end
     facing: AnyFloats  # (N, 4) means of cosine and sine of the heading, and of twice the heading
     turn_rad: AnyFloats  # (N,) rotation of the take in the dance, along the cheapest path to the node
+    walk_m: AnyFloats  # (N, M, 2) as `travel_m` at M shares of the second. M = 0 unless the stage has borders
+    place_m: AnyFloats  # (N, 2) where the pelvis is at the second's end, along the path. 0, 0 is the middle
     liveliness: AnyFloats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
     steps: AnyFloats  # (N,) rank of the clip's steps in its genre, 0 … 1
     source_frames: AnyFloats  # (N, 21) clip frames at the 20 output frames and the second's end
@@ -232,8 +234,9 @@ class Layer:
 
         A take that is joined begins at the heading at which the one before it ends, and is steered towards 0,
         where its front is that of the audience, by as much as a transition steers. A node that continues its
-        take keeps the rotation. The first layer, which is `before` itself, has none. Raises `ParameterError`
-        unless there is a parent for each node.
+        take keeps the rotation. The first layer, which is `before` itself, has none. On a stage with borders,
+        the node also begins where its parent ends. Raises `ParameterError` unless there is a parent for each
+        node.
         """
         check_kind("the layer before", before, Layer)
         try:
@@ -243,13 +246,16 @@ class Layer:
         except (IndexError, ValueError):
             expected = f"indices ({self.n_nodes},) of nodes of the layer before, below {before.n_nodes}"
             raise unexpected(expected, parent) from None
-        if before.second == self.second:
-            return self
-        turn_rad = before.turn_rad[row]
-        ends_rad, starts_rad = before.join_heading_rad[row, 1], self.join_heading_rad[:, 0]
-        joined = joined_rad(turn_rad, ends_rad, starts_rad, self.steer_rad)
-        continues = before.next_part[row] == self.part
-        return changed_layer(self, turn_rad=np.where(continues, turn_rad, joined))
+        turned, start_m = self, 0.0 * before.place_m[row]
+        if before.second != self.second:
+            turn_rad, start_m = before.turn_rad[row], before.place_m[row]
+            ends_rad, starts_rad = before.join_heading_rad[row, 1], self.join_heading_rad[:, 0]
+            joined = joined_rad(turn_rad, ends_rad, starts_rad, self.steer_rad)
+            continues = before.next_part[row] == self.part
+            turned = changed_layer(self, turn_rad=np.where(continues, turn_rad, joined))
+        if self.walk_m.shape[1] == 0:
+            return turned
+        return changed_layer(turned, place_m=start_m + rotated(self.walk_m[:, -1], turned.turn_rad))
 
     @property
     def part(self) -> AnyInts:
@@ -296,6 +302,14 @@ def joined_rad(turn_rad: AnyFloats, end_rad: AnyFloats, start_rad: AnyFloats, st
     """
     joined: AnyFloats = (turn_rad + end_rad - start_rad + np.pi) % (2 * np.pi) - np.pi
     return joined - np.clip(joined, -steer_rad, steer_rad)
+
+
+def rotated(walk_m: AnyFloats, turn_rad: AnyFloats) -> AnyFloats:
+    """Ways on the floor (N, 2), x and z, of takes that are rotated by `turn_rad` (N,)."""
+    cosine, sine = np.cos(turn_rad), np.sin(turn_rad)
+    x_m, z_m = walk_m.T
+    way_m: AnyFloats = np.stack([cosine * x_m + sine * z_m, cosine * z_m - sine * x_m], axis=1)
+    return way_m
 
 
 def positions(layer: Layer, share: float) -> AnyFloats:
@@ -373,6 +387,7 @@ class WordLayers:
             steps=self._steps[words], source_frames=frames, first_pose_m=first_m, last_pose_m=last_m,
             first_velocity_m_s=first_m_s * speed, last_velocity_m_s=last_m_s * speed,
             motifs=v.word_motif[words, None], motif_counts=none.astype(np.int16), danced=none, bank=bank,
+            walk_m=np.zeros((len(words), 0, 2)), place_m=np.zeros((len(words), 2)),
         )  # fmt: skip
 
 

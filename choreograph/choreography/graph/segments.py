@@ -232,6 +232,7 @@ class LayerSource:
     moments : `Layer.moments` of each second, and
     returns : `Layer.returns` of each second. None if no cost uses them
     steer_rad : the most by which a transition rotates a take back to the front
+    walk_at : shares of the second for `Layer.walk_m`, if the stage has borders
     memory : of layers with the same clips and poses
     """
 
@@ -249,6 +250,7 @@ class LayerSource:
         moments: Sequence[Moments] | None = None,
         returns: Sequence[int | None] | None = None,
         steer_rad: float = 0.0,
+        walk_at: Sequence[float] = (),
         memory: Memory = NO_MEMORY,
     ) -> None:
         self._segments = segments
@@ -260,7 +262,7 @@ class LayerSource:
         self._clips = clips
         self._poses = poses
         self._goal_starts = frozenset(goal_starts)
-        self._steer_rad = steer_rad
+        self._steer_rad, self._walk_at = steer_rad, walk_at
         seconds = np.arange(len(segments.clip) + SEGMENT_S + 1, dtype=np.float64)
         self._join_times_s = seconds if join_times_s is None else join_times_s
         self._moments = moments or [()] * len(segments.clip)
@@ -302,8 +304,10 @@ class LayerSource:
 
     def _in_dance(self, layer: Layer) -> Layer:
         """The layer with what depends on the dance and its seed, not on the segments alone."""
+        walk_m = layer.travel_m(self._walk_at) if self._walk_at else layer.walk_m
         return changed_layer(
             layer,
+            walk_m=walk_m,
             take_usage_s=_repeated(self._usage_at_start_s, layer.n_nodes),
             danced=_repeated(self._not_danced, layer.n_nodes),
             new_goal=layer.second in self._goal_starts,
@@ -369,6 +373,8 @@ class LayerSource:
             join_heading_rad=borders.heading_rad,
             facing=facing(headings),
             turn_rad=np.zeros(len(clip)),
+            walk_m=np.zeros((len(clip), 0, 2)),
+            place_m=np.zeros((len(clip), 2)),
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             steps=clips.steps[clip],
             source_frames=source_frames,

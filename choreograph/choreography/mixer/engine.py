@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.enforcement import (
+    consecutive_slots,
     danced_motifs,
     is_danced,
     no_word_left,
@@ -24,13 +25,13 @@ from choreograph.choreography.mixer.words import (
     SEARCHES,
     CandidatePool,
     Candidates,
-    consecutive_slots,
     search_words,
 )
 from choreograph.choreography.passages import WordCosts, draw_dance
 from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.numerics import Indices
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -43,6 +44,9 @@ from choreograph.settings import DanceConfig
 _STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
 _CUT_COST_M = 0.2  # of a word within a passage that does not follow the word before it in its take
+# In the draw of passages, where each unit divides the probability by e.
+_AWAY_COST = 4.0  # of a word with the back to the audience
+_LAST_POSE_COST = 32.0  # of a last pose with the back to the audience
 _ROUNDS = 6  # renderings until every word shows its motif, more for pinned and banned motifs
 
 
@@ -55,7 +59,7 @@ class MixerEngine:
             "planner",
             "blending",
             "lock_feet",
-            "keep_on_stage",
+            "stage",
             "front",
             "motif_draw",
             "phrase_counts",
@@ -163,7 +167,7 @@ def mix(request: DanceRequest) -> MixedDance:
     while True:
         words = search_words(
             candidates, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request),
-            own_costs=None if own is None else own.of_edges,
+            stage_m=as_stage_m(config.stage), own_costs=None if own is None else own.of_edges,
         )  # fmt: skip
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
@@ -244,7 +248,23 @@ def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
         passage = search_words(of_take, search=request.config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
     banned = np.flatnonzero(~pool.motif_allowed()).tolist()
-    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=pool.costs)
+    costs, last_slot = pool.costs, _last_slot(request)
+    if last_slot is not None:
+        of_front = _front_costs(pool, last_slot)
+        costs = of_front if costs is None else costs + of_front
+    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=costs)
+
+
+def _front_costs(pool: CandidatePool, last_slot: int) -> Floats:
+    """Costs (N, W) of all words in every slot by how far they are turned from the audience.
+
+    With them, passages that face it are drawn. The last pose of the dance is that at the end of `last_slot`.
+    """
+    headings_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 3)
+    away = (0.5 - 0.5 * np.cos(headings_rad)) ** 2
+    costs: Floats = np.tile(_AWAY_COST * away.mean(axis=1), (pool.constraints.n_words, 1))
+    costs[last_slot] += _LAST_POSE_COST * away[:, -1]
+    return costs
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import turned_costs
-from choreograph.choreography.graph.layers import facing, joined_rad
+from choreograph.choreography.graph.layers import facing, joined_rad, rotated
+from choreograph.choreography.graph.returns import beyond_stage_m
 from choreograph.choreography.motif_sequences import (
+    accented_bounds_s,
     bar_positions,
     word_positions,
     words_on_count,
@@ -22,10 +25,10 @@ from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distan
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion.body import clips_to_root_frame, heading_rad
-from choreograph.music.count_grids import accent_shifts_s
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
 from choreograph.plan import PlannedWord
-from choreograph.render.runs import MAX_STEER_RAD
+from choreograph.render.runs import MAX_STEER_RAD, stage_half_m
 from choreograph.settings import DEFAULT_WEIGHTS
 
 # The features of words that the mixer compares: poses at their borders, and their motif margin.
@@ -61,6 +64,7 @@ class WordBank:
         self._embed = embed
         self._margin_m = np.full(len(vocabulary.word_motif), np.nan)
         self._headings_rad = np.full((len(vocabulary.word_motif), len(_THIRDS)), np.nan)
+        self._walks_m = np.zeros((len(vocabulary.word_motif), 2, 3))
 
     def borders_m(self, words: Indices, lengths_s: float) -> tuple[AnyFloats, AnyFloats]:
         """The three poses at the start and at the end of words (M,), each (M, 3, 21, 3), in the root frame.
@@ -73,14 +77,20 @@ class WordBank:
         poses = clips_to_root_frame(poses)  # (M, 2, 3, 21, 3)
         return poses[:, 0], poses[:, 1]
 
-    def headings_rad(self, words: Indices) -> AnyFloats:
-        """Headings (M, 3) of the body at the start, in the middle and at the end of words (M,)."""
+    def ways(self, words: Indices, fronts_rad: Floats) -> tuple[AnyFloats, AnyFloats]:
+        """Headings (M, 3) at the start, in the middle and at the end of words (M,), and how far they walk.
+
+        Both are measured from the front (M,) of the word's take. The walks (M, 2, 2) are x and z of the
+        pelvis in metres, from the start to the middle and to the end.
+        """
         new = words[np.isnan(self._headings_rad[words, 0])]
         if len(new):
             bounds_s = self.bounds_s[new]
-            poses = self._poses_m(new, bounds_s[:, :1] + _THIRDS * np.diff(bounds_s, axis=1))
-            self._headings_rad[new] = heading_rad(poses)
-        return self._headings_rad[words]
+            poses_m = self._poses_m(new, bounds_s[:, :1] + _THIRDS * np.diff(bounds_s, axis=1))
+            self._headings_rad[new], places_m = heading_rad(poses_m), ground_pos_m(poses_m)
+            self._walks_m[new] = places_m[:, 1:] - places_m[:, :1]
+        walks_m = rot.rotate(rot.about_y(-fronts_rad)[:, None], self._walks_m[words])
+        return self._headings_rad[words] - fronts_rad[:, None], walks_m[..., [0, 2]]
 
     def motif_margin_m(self, words: Indices) -> AnyFloats:
         """Motif margin of each word (M,): how much nearer its motif is than any other, or negative if not."""
@@ -117,24 +127,6 @@ class WordBank:
         return self._poses_at(self.vocabulary.word_take[words], times_s)
 
 
-def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
-    """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
-
-    Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
-    instead, as in the time maps of the graph engine (`music.count_grids`).
-    """
-    v = repertoire.vocabulary
-    bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
-    for take in np.unique(v.word_take):
-        counts_s = repertoire.counts(int(take)).times_s
-        if len(counts_s) < 2:
-            continue
-        shifts_s = accent_shifts_s(repertoire.motion_beats_s(int(take)), counts_s)
-        own = v.word_take == take
-        bounds_s[own] += np.interp(bounds_s[own], counts_s, shifts_s, left=0.0, right=0.0)
-    return bounds_s
-
-
 # The words that may be danced in each slot of one dance, and their costs.
 
 
@@ -155,7 +147,10 @@ class Candidates:
     cost_m: AnyFloats  # (M,) of the word on its own, in metres of joint distance. inf excludes the word
     first_m: AnyFloats  # (M, 3, 21, 3) the poses around its start, in the root frame
     last_m: AnyFloats  # (M, 3, 21, 3) the poses around its end
-    heading_rad: AnyFloats | None = None  # (M, 3) at start, middle and end, from the front of its take
+    # (M, 3) at start, middle and end, from the front of its take. Empty where they do not matter
+    heading_rad: AnyFloats = field(default_factory=lambda: np.zeros(0))
+    # (M, 2, 2) x and z from its start to its middle and end, likewise
+    walk_m: AnyFloats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def any_left(self) -> bool:
@@ -238,9 +233,12 @@ class CandidatePool:
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
         cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
-        takes = v.word_take[words]
-        headings_rad = self.bank.headings_rad(words) - self.repertoire.clip_motion.fronts_rad[takes, None]
-        return Candidates(words, takes, cost + own, *borders_m, headings_rad)
+        return Candidates(words, v.word_take[words], cost + own, *borders_m, *self.ways(words))
+
+    def ways(self, words: Indices) -> tuple[AnyFloats, AnyFloats]:
+        """The headings and walks of words (M,), as in `Candidates`."""
+        fronts_rad = self.repertoire.clip_motion.fronts_rad[self.vocabulary.word_take[words]]
+        return self.bank.ways(words, fronts_rad)
 
     def motif_allowed(self) -> NDArray[np.bool_]:
         """Motifs (K,) that are not banned and have a word that may be danced."""
@@ -264,17 +262,6 @@ class CandidatePool:
         )  # fmt: skip
 
 
-def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
-    """Slots that follow one another with the same value, in order."""
-    groups: list[list[int]] = []
-    for slot in sorted(slots):
-        if groups and groups[-1][-1] == slot - 1 and slots[slot - 1] == slots[slot]:
-            groups[-1].append(slot)
-        else:
-            groups.append([slot])
-    return groups
-
-
 # The mixer's search for the word of each slot that best continues the word before it.
 #
 # In Rhythm is a Dancer, section 5.2.5, each word is chosen once, after the one before it (`greedy`), by the
@@ -285,10 +272,11 @@ def consecutive_slots(slots: Mapping[int, object]) -> list[list[int]]:
 
 SEARCHES = ("exact", "greedy")
 _REPEAT_COST_M = 0.15  # of an immediate repeat of a word, in metres of joint distance
-_AWAY_COST_M = 0.3  # of a word with the back to the audience, ((1 - cos) / 2)² of its headings
+_AWAY_COST_M = 1.0  # of a word with the back to the audience, ((1 - cos) / 2)² of its headings
 _TURNED_TAKE_M = 0.3  # of 1 - cos of the rotation at which a take is entered
+_OFF_STAGE = 0.6  # of a distance beyond the borders of the stage
 _WORDS_OF_ALL_TAKES = 1 << 32
-_LAST_POSE_M = 1.0  # of 1 - cos of the heading of the last pose
+_LAST_POSE_M = 4.0  # of 1 - cos of the heading of the last pose
 
 
 def search_words(
@@ -297,6 +285,7 @@ def search_words(
     search: str = "exact",
     cut_cost_m: float = 0.0,
     last_slot: int | None = None,
+    stage_m: tuple[float, float] | None = None,
     own_costs: Callable[[int, Indices, Indices], Floats] | None = None,
 ) -> Indices:
     """A word for every slot, (N,): the cheapest sequence.
@@ -305,7 +294,8 @@ def search_words(
     transition, in metres, and `cut_cost_m` more if it is not the word that follows in the take. Unless the
     search is greedy, it costs more if it is the same word again. If `last_slot` is given, headings away from
     the audience have a cost, too. They are followed along the cheapest path to each word, as by the cost
-    `front` of the graph engine. The last pose of the dance is that at the end of `last_slot`. The user's
+    `front` of the graph engine. The last pose of the dance is that at the end of `last_slot`. On a stage of
+    `stage_m`, width and depth, places outside have a cost as well, as by the cost `stage`. The user's
     `own_costs` (M, M') of a slot, the words (M,) before it and its words (M',) are added.
 
     Raises `ParameterError` for an unknown search, `NoPathError` naming the slot where every word is
@@ -318,17 +308,22 @@ def search_words(
             raise NoPathError(f"every word of slot {slot} of the dance is forbidden")
     if not candidates:
         return np.zeros(0, np.int64)
-    first = candidates[0]
-    reached = first.cost_m  # (M,)
-    turn_rad: AnyFloats = np.zeros(len(first.words))  # of each word's take, along the cheapest path to it
+    reached = candidates[0].cost_m  # (M,)
+    ends: _Ends | None = None
+    if last_slot is not None or stage_m is not None:
+        steer_rad = MAX_STEER_RAD if last_slot is not None else 0.0
+        ends = _Ends(np.zeros(len(reached)), candidates[0].walk_m[:, -1], steer_rad)
     parents: list[Indices] = []
     repeat_cost_m = 0.0 if search == "greedy" else _REPEAT_COST_M
     for slot, (before, here) in enumerate(pairwise(candidates), start=1):
         if search == "greedy":  # one word is left, the cheapest
             reached = np.where(np.arange(len(reached)) == np.argmin(reached), reached, np.inf)
         edges_m = _transition_costs_m(before, here, cut_cost_m, repeat_cost_m=repeat_cost_m)
-        if last_slot is not None:
-            edges_m += _front_costs_m(before, here, turn_rad, is_last=slot == last_slot)
+        if ends is not None and last_slot is not None:
+            edges_m += _front_costs_m(before, here, ends, is_last=slot == last_slot)
+        if ends is not None and stage_m is not None:
+            where = ends.place_m, *ends.joined(before, here), here.walk_m, *stage_half_m(stage_m)
+            edges_m += _OFF_STAGE * beyond_stage_m(*where)
         if own_costs is not None:
             edges_m += _M_PER_COST * own_costs(slot, before.words, here.words)
         paths = reached[:, None] + edges_m  # (M, M')
@@ -336,8 +331,8 @@ def search_words(
         reached = paths[parents[-1], np.arange(len(here.words))] + here.cost_m
         if not np.isfinite(reached).any():
             raise NoPathError(f"every way to slot {slot} of the dance is forbidden: relax a cost of inf")
-        if last_slot is not None:
-            turn_rad = _turned_rad(before, here, turn_rad, parents[-1])
+        if ends is not None:
+            ends = ends.next(before, here, parents[-1])
     rows = [int(np.argmin(reached))]
     for parent in reversed(parents):
         rows.append(int(parent[rows[-1]]))
@@ -363,30 +358,43 @@ def _transition_costs_m(
     return cost_m
 
 
-# Headings are those of the dance: takes are joined at the heading of the word before, and steered back.
+# Headings and places are those of the dance: takes are joined at heading and place of the word before, and
+# steered back to the front.
 
 
-def _front_costs_m(before: Candidates, here: Candidates, turn_rad: AnyFloats, *, is_last: bool) -> AnyFloats:
-    """Cost (M, M') of the headings of words after those of the slot before, danced at `turn_rad` (M,)."""
-    assert before.heading_rad is not None and here.heading_rad is not None
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """How the words of a slot are danced along the cheapest path to each."""
+
+    turn_rad: AnyFloats  # (M,) rotation of the word's take
+    place_m: AnyFloats  # (M, 2) x and z of the pelvis at the end of the word, from the middle of the stage
+    steer_rad: float  # by which a join steers back to the front
+
+    def next(self, before: Candidates, here: Candidates, parent: Indices) -> _Ends:
+        """Those of the next words (M',), each after its `parent` (M',)."""
+        kept_rad = self.turn_rad[parent]
+        joined = joined_rad(kept_rad, before.heading_rad[parent, -1], here.heading_rad[:, 0], self.steer_rad)
+        continues = (before.words[parent] + 1 == here.words) & (before.takes[parent] == here.takes)
+        turn_rad = np.where(continues, kept_rad, joined)
+        place_m = self.place_m[parent] + rotated(here.walk_m[:, -1], turn_rad)
+        return replace(self, turn_rad=turn_rad, place_m=place_m)
+
+    def joined(self, before: Candidates, here: Candidates) -> tuple[Any, Any, Any, Any, Any, Any]:
+        """The arguments of `turned_costs` and `beyond_stage_m` that describe how words are joined."""
+        return (
+            self.turn_rad, before.heading_rad[:, -1], here.heading_rad[:, 0], self.steer_rad,
+            before.takes * _WORDS_OF_ALL_TAKES + before.words + 1,
+            here.takes * _WORDS_OF_ALL_TAKES + here.words,
+        )  # fmt: skip
+
+
+def _front_costs_m(before: Candidates, here: Candidates, ends: _Ends, *, is_last: bool) -> AnyFloats:
+    """Cost (M, M') of the headings of words after those of the slot before, which end at `ends`."""
     series = _AWAY_COST_M * facing(here.heading_rad) * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
     constant = _AWAY_COST_M * 3 / 8
     if is_last:
         last_rad = here.heading_rad[:, -1]
         series[:, :2] += _LAST_POSE_M * np.stack([-np.cos(last_rad), np.sin(last_rad)], axis=1)
         constant += _LAST_POSE_M
-    costs_m: AnyFloats = turned_costs(
-        turn_rad, before.heading_rad[:, -1], here.heading_rad[:, 0], MAX_STEER_RAD,
-        before.takes * _WORDS_OF_ALL_TAKES + before.words + 1, here.takes * _WORDS_OF_ALL_TAKES + here.words,
-        series, constant, _TURNED_TAKE_M,
-    )  # fmt: skip
+    costs_m: AnyFloats = turned_costs(*ends.joined(before, here), series, constant, _TURNED_TAKE_M)
     return costs_m
-
-
-def _turned_rad(before: Candidates, here: Candidates, turn_rad: AnyFloats, parent: Indices) -> AnyFloats:
-    """The rotation of each word's take (M',) after its `parent` (M',), which is danced at `turn_rad` (M,)."""
-    assert before.heading_rad is not None and here.heading_rad is not None
-    kept = turn_rad[parent]
-    joined = joined_rad(kept, before.heading_rad[parent, -1], here.heading_rad[:, 0], MAX_STEER_RAD)
-    continues = (before.words[parent] + 1 == here.words) & (before.takes[parent] == here.takes)
-    return np.where(continues, kept, joined)

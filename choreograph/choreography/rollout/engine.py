@@ -54,6 +54,7 @@ class RolloutEngine:
     settings = frozenset(
         {
             "front",
+            "stage",
             "motif_draw",
             "phrase_counts",
             "style_song",
@@ -341,7 +342,7 @@ def _generated(
     net = net.with_style(config.style_strength, config.style_window)
     return generate_motion(
         net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
-        to_front=config.front == "audience",
+        to_front=config.front == "audience", stage=config.stage,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=substage(report, "dancing"),
     )  # fmt: skip

@@ -127,6 +127,7 @@ def generate_motion(
     *,
     fps: float,
     to_front: bool = True,
+    stage: str = "near",
     held: HeldPoses | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Motion:
@@ -138,6 +139,7 @@ def generate_motion(
         frames initialise the network's state and are not part of the dance.
     fps : of the dance
     to_front : whether the dancer is steered back to face the audience
+    stage : to which the path is steered back, as in `DanceConfig`
     held : poses of another dance to the song, which is continued
 
     Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the dancer is
@@ -147,7 +149,7 @@ def generate_motion(
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """
     poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
-    motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front)
+    motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front, stage=stage)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
     locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
@@ -206,7 +208,7 @@ def check_skeleton(net: PosePredictor, skeleton: Skeleton) -> None:
 
 
 def _on_stage(
-    poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton, *, to_front: bool
+    poses: NDArray[np.float32], sequence: MotifSequence, skeleton: Skeleton, *, to_front: bool, stage: str
 ) -> Motion:
     """The motion of pose rows (T, P), smoothed, and steered to the front and to the stage word by word.
 
@@ -225,7 +227,7 @@ def _on_stage(
         turned = float(np.arctan2(np.sin(faces).sum(), np.cos(faces).sum())) if to_front else 0.0
         window = np.hanning(stop - before + 2)[1:-1]
         window[0] = 0.0
-        steered_rad = steer_rad(position, travel, turned, most_rad=_MAX_STEER_RAD)
+        steered_rad = steer_rad(position, travel, turned, stage=stage, most_rad=_MAX_STEER_RAD)
         rows[before:stop, 3] += steered_rad * window / max(window.sum(), 1e-9)
         steered_m, _ = root_path(rows[before:stop], heading_rad=heading)
         position = position + steered_m[-1] * [1.0, 0.0, 1.0]

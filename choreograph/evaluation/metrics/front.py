@@ -1,4 +1,4 @@
-"""Front: how long a dancer turns the back to the audience, and whether the last pose faces it.
+"""Front: whether a dancer turns the back to the audience or leaves the stage, and where the last pose faces.
 
 Conventions: body positions (T, 21, 3) in metres at `fps`, Y up. The heading is that of the pelvis: the
 direction on the ground perpendicular to the line through the hips. 0 faces +Z, and positive angles turn
@@ -17,6 +17,7 @@ from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
 
 AWAY_DEG = 100.0  # turned further than this, a dancer shows the back
 TO_FRONT_DEG = 45.0  # turned less than this, a dancer faces the audience
+_PELVIS = BODY_JOINTS.index("pelvis")
 _HIPS = [BODY_JOINTS.index("left_hip"), BODY_JOINTS.index("right_hip")]
 _DIRECTIONS = np.radians(np.arange(-180.0, 180.0, 5.0))
 _SAMPLES = 600  # of the headings of a dance, which are enough for its front
@@ -107,6 +108,23 @@ def last_heading_deg(body_pos_m: Floats, fps: float, *, front_rad: float = 0.0) 
     (0.0, 90.0)
     """
     return float(_away_deg(body_pos_m, fps, front_rad)[-1])
+
+
+def outside_share(body_pos_m: Floats, width_m: float, depth_m: float) -> float:
+    """Share of the time, 0 to 1, in which the pelvis is off a stage around the origin. Lower is better.
+
+    The stage is `width_m` wide, along X, and `depth_m` deep.
+
+    Examples
+    --------
+    >>> pos_m = np.zeros((90, 21, 3))
+    >>> pos_m[60:, 0, 0] = 2.5  # the last third is 2.5 m to the side
+    >>> round(cg.metrics.front.outside_share(pos_m, 4.0, 3.0), 3)
+    0.333
+    """
+    places_m = np.asarray(body_pos_m)[:, _PELVIS]
+    outside = (np.abs(places_m[:, 0]) > width_m / 2) | (np.abs(places_m[:, 2]) > depth_m / 2)
+    return float(outside.mean())
 
 
 @default_numerics()

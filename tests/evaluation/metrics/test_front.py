@@ -10,6 +10,7 @@ from choreograph.evaluation.metrics.front import (
     evaluate,
     heading_rad,
     last_heading_deg,
+    outside_share,
     turned_away_share,
     uniform_chance,
     usual_front_rad,
@@ -72,6 +73,15 @@ def test_chance_is_a_dance_turned_at_random():
     scores = [evaluate(turned(heading + np.zeros(2)), FPS) for heading in rng.uniform(-180, 180, 4000)]
     for name, level in chance.items():
         assert np.mean([s[name] for s in scores]) == pytest.approx(level, rel=0.05)
+
+
+def test_a_dancer_is_off_the_stage_beyond_any_of_its_sides():
+    pos_m = np.zeros((50, 21, 3))
+    pos_m[:10, 0, 0], pos_m[10:20, 0, 0], pos_m[20:30, 0, 2], pos_m[30:40, 0, 2] = 2.1, -2.1, 1.6, -1.6
+    pos_m[40:, 0] = 1.9, 5.0, 1.4
+    assert outside_share(pos_m, 4.0, 3.0) == 0.8
+    assert outside_share(pos_m, 5.0, 5.0) == 0.0
+    assert outside_share(pos_m, 5.0, 3.0) == 0.4
 
 
 @pytest.mark.parametrize(
