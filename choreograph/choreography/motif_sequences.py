@@ -61,7 +61,9 @@ def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
     length = np.bincount(bar)
     length[[0, -1]] = counts.metre
     position = _MANY * length[bar] + counts.numbers  # (Q,)
-    nearest = np.abs(counts.times_s - np.asarray(times_s)[:, None]).argmin(axis=1)  # (N,)
+    after = np.searchsorted(counts.times_s, times_s).clip(1, len(counts) - 1)  # (N,)
+    is_before = np.abs(counts.times_s[after - 1] - times_s) <= np.abs(counts.times_s[after] - times_s)
+    nearest = np.where(is_before, after - 1, after)  # (N,)
     period_s = np.gradient(counts.times_s)[nearest]
     on_count = np.abs(counts.times_s[nearest] - times_s) < _WITHIN * period_s
     found[on_count] = position[nearest[on_count]]

@@ -50,16 +50,16 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
     held = motion.sampled_smooth(frames)
     root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
     root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
-    motion = replace(motion, root_pos_m=root_pos_m, local_quat=rot.make_continuous(local_quat))
+    rot.make_continuous(local_quat, out=local_quat)
     if opening_s > 0:
         from_s, to_s = setting_off_s(opening_s)
         share = 1.0 - _speed(_since(times_s, from_s, to_s))
-        motion = _alive(motion, _Held(share, 0, _BREATHS_HZ[0], from_s))
+        _hold(motion, root_pos_m, local_quat, _Held(share, 0, _BREATHS_HZ[0], from_s))
     if closing_s is not None:
         from_s, to_s = coming_to_rest_s(opening_s, closing_s)
         share = _speed(_since(times_s, from_s, to_s))
-        motion = _alive(motion, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
-    return motion
+        _hold(motion, root_pos_m, local_quat, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
+    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
 
 
 def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float) -> Motion:
@@ -67,13 +67,16 @@ def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: f
 
     It slows down and sets off within `ease_s` before both times.
     """
+    if not stops_s:
+        return motion
     times_s = frame_times_s(motion.n_frames, motion.fps)
+    root_pos_m, local_quat = motion.root_pos_m.copy(), rot.make_continuous(motion.local_quat)
     for rests_s, moves_s in stops_s:
         share = _speed(_since(times_s, rests_s - ease_s, rests_s))
         share *= 1.0 - _speed(_since(times_s, moves_s - ease_s, moves_s))
         frame = min(round(rests_s * motion.fps), motion.n_frames - 1)
-        motion = _alive(motion, _Held(share, frame, _BREATHS_HZ[1], rests_s))
-    return motion
+        _hold(motion, root_pos_m, local_quat, _Held(share, frame, _BREATHS_HZ[1], rests_s))
+    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
 
 
 def eased_in(since: Floats) -> Floats:
@@ -117,16 +120,19 @@ class _Held:
     from_s: float  # at which the movement of breath and weight passes through zero
 
 
-def _alive(motion: Motion, pose: _Held) -> Motion:
-    """The motion with a held pose that stands on both feet, breathes and shifts its weight."""
+def _hold(motion: Motion, roots: Floats, quats: Floats, pose: _Held) -> None:
+    """Change roots (T, 3) and rotations (T, J, 4) of a motion to a pose that is held.
+
+    It stands on both feet, breathes and shifts its weight. The signs of rotations remain continuous.
+    """
     held = np.flatnonzero(pose.share > 0)
     if len(held) == 0:
-        return motion
+        return
     part = slice(int(held[0]), int(held[-1]) + 1)
     share, frame = pose.share[part, None], pose.frame - part.start
     phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - pose.from_s
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
-    root_pos_m, local_quat = motion.root_pos_m[part].copy(), motion.local_quat[part].copy()
+    root_pos_m, local_quat = roots[part].copy(), quats[part].copy()
     pos_m, before_quat = forward(skeleton, root_pos_m, local_quat)
     steps = {side: _step_down(skeleton, roles, side, pos_m[frame], before_quat[frame]) for side in SIDES}
     root_pos_m += share * _sway_m(pos_m[frame], roles, phase_s)
@@ -141,9 +147,13 @@ def _alive(motion: Motion, pose: _Held) -> Motion:
         move_leg(skeleton, roles, side, moved_m, global_quat, pos_m[:, ankle] + share * step.shift_m)
     for block in frame_blocks(len(global_quat)):
         global_quat[block] = to_local(skeleton, global_quat[block])
-    roots, quats = motion.root_pos_m.copy(), motion.local_quat.copy()
     roots[part], quats[part] = root_pos_m, global_quat
-    return replace(motion, root_pos_m=roots, local_quat=rot.make_continuous(quats, out=quats))
+    near = quats[max(part.start - 1, 0) : part.stop]
+    rot.make_continuous(near, out=near)
+    if part.stop < len(quats):
+        flipped = np.sum(near[-1] * quats[part.stop], axis=-1) < 0  # (J,)
+        if flipped.any():
+            quats[part.stop :] *= np.where(flipped, -1.0, 1.0)[:, None]
 
 
 def _sway_m(pose_m: Floats, roles: dict[str, int], phase_s: Floats) -> Floats:
