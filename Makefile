@@ -77,5 +77,7 @@ starter: setup
 faults: setup
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONPATH=tests $(BIN)/python -m faults.run_faults
 
+# Prints times, and writes the page of ratios and stages.
 benchmark: setup
 	$(BIN)/pytest --benchmark-only tests/benchmarks
+	OMP_NUM_THREADS=1 $(BIN)/python tests/benchmarks/page.py -o research/results/speed.md

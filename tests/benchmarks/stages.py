@@ -44,7 +44,7 @@ STAGES = {  # name: functions, each as module:qualified name
     "costs of the path": ("choreography.graph.planners:_path_with_costs",),
     "timing of transitions": ("choreography.graph.engine:with_transitions_on_counts",),
     "drawing of words": ("choreography.mixer.engine:MixerEngine.plan",),
-    "generation": ("choreography.rollout.generation:generate_motion",),
+    "generation": ("choreography.rollout.engine:generate_motion",),
     "rollout, rest": ("choreography.rollout.engine:RolloutEngine.plan",),
     "assembling": ("render.rendering:assemble",),
     "dynamics, held poses, feet": ("render.rendering:_with_dynamics",),

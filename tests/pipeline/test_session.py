@@ -121,7 +121,7 @@ def test_the_layers_of_another_weight_are_not_made_again(monkeypatch):
     session.dance()
     made = []
     monkeypatch.setattr(segments, "_warped_second", lambda *_, **__: made.append("second"))
-    monkeypatch.setattr(segments, "joined_layers", lambda *_: made.append("layer"))
+    monkeypatch.setattr(segments, "one_per_time_map", lambda *_: made.append("layer"))
     heavier = session.dance(weights={"genre": 2.0})
     assert heavier.plan.weights["genre"] == 2.0
     assert made == []

@@ -43,13 +43,13 @@ from choreograph.choreography.graph.motif_costs import (
 from choreograph.choreography.graph.path_kernels import PER_USAGE, arrays_of, bounds_of, form_of, words_of
 from choreograph.choreography.graph.returns import FormCost, Stage
 from choreograph.core.kernel_cache import njit
-from choreograph.core.numerics import AnyInts, Floats
+from choreograph.core.numerics import AnyInts, Floats, frame_blocks
 from choreograph.core.timebase import CLIP_FRAMES
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.song_features import SongFeatures
 
 N_THREADS = min(4, os.cpu_count() or 1)
-_BLOCK = 128  # predecessors whose edges are evaluated at once: 1 MB at 2,048 nodes
+_BLOCK = 128  # predecessors whose edges are evaluated at once
 _MIN_EDGES_FOR_THREADS = 100_000  # a millisecond's work
 _PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
 _PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of edges of this size
@@ -70,7 +70,8 @@ class Steps:
         # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
         self._thread_safe = set(kinds) <= {*BUILTIN_COSTS, *MOTIF_COSTS, FormCost, Stage}
         self._compiled = set(kinds) <= set(_ORDER) and kinds == [kind for kind in _ORDER if kind in kinds]
-        self._nodes: _Nodes | None = None
+        self._of = {type(w.cost): w for w in self._with_edges}
+        self._nodes: _Nodes | None = None  # the latest
 
     def __call__(self, layer: Layer, following: Layer, reached: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
@@ -115,15 +116,24 @@ class Steps:
                 improve(improvable)
         return best, parent
 
+    def from_one(self, last: Layer, following: Layer) -> F32:
+        """The costs (N,) of the edges from a layer of one node to the nodes of `following`."""
+        every = np.arange(following.n_nodes)
+        edges = self._edges(last, following)
+        nothing, most = np.zeros(1, np.float32), np.full(len(every), np.inf)
+        return edges.cheapest(np.zeros(1, np.int64), every, nothing, most)[1]
+
     def _edges(self, layer: Layer, following: Layer) -> _Edges:
         if not self._compiled:
             return _Edges(layer, following, self._costs, self._song_features)
-        of = {type(w.cost): w for w in self._with_edges}
-        before = self._nodes
-        if before is None or not before.is_of(layer):
-            before = _Nodes(layer, of, self._song_features)
-        self._nodes = _Nodes(following, of, self._song_features)
-        return _CompiledEdges(layer, following, self._costs, self._song_features, before, self._nodes)
+        before, after = self._nodes_of(layer), self._nodes_of(following)
+        self._nodes = after
+        return _CompiledEdges(layer, following, self._costs, self._song_features, before, after)
+
+    def _nodes_of(self, layer: Layer) -> _Nodes:
+        if self._nodes is not None and self._nodes.is_of(layer):
+            return self._nodes
+        return _Nodes(layer, self._of, self._song_features)
 
 
 class _Edges:
@@ -143,8 +153,7 @@ class _Edges:
         """The costs (M,) of the edges from nodes `here` (M,) to nodes `there` (M,)."""
         before, after = self._layer.subset(here), self._following.subset(there)
         found = np.empty(len(here), np.float32)
-        for start in range(0, len(here), _PAIR_BLOCK):
-            block = slice(start, start + _PAIR_BLOCK)  # of which a layer is a view, without a copy
+        for block in frame_blocks(len(here), _PAIR_BLOCK):
             edges = edge_costs(before.subset(block), after.subset(block), self._costs, self._song_features)
             found[block] = np.diagonal(edges)
         return found
@@ -169,7 +178,7 @@ class _Edges:
         there = self._following if every else self._following.subset(part)
         edges = edge_costs(self._layer.subset(block), there, self._costs, self._song_features)
         rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
-        _cheapest_predecessors(beyond, edges, least, rows)
+        cheapest_predecessors(beyond, edges, least, rows)
         return rows, edges[rows, np.arange(len(part))]
 
 
@@ -177,7 +186,7 @@ class _Edges:
     "void(float32[::1], float32[:,::1], float32[::1], int32[::1])",
     nogil=True,
 )
-def _cheapest_predecessors(
+def cheapest_predecessors(
     reached: NDArray[np.float32],
     edges: NDArray[np.float32],
     least: NDArray[np.float32],
@@ -194,7 +203,6 @@ def _cheapest_predecessors(
 
 
 # The same edges, compiled for the built-in costs.
-
 
 _ORDER: tuple[type[Cost], ...] = (
     Completeness, Transition, Velocity, Phrasing, Front, Variety, Repeat, FormCost, Signature,
@@ -235,7 +243,6 @@ class _Nodes:
         )  # fmt: skip
 
     def is_of(self, layer: Layer) -> bool:
-        """Whether these are the nodes of a layer, whatever their history."""
         return layer.first_pose_m is self._first
 
 
@@ -292,9 +299,8 @@ class _CompiledEdges(_Edges):
         return edges
 
     def bound(self, costs: Sequence[WeightedCost]) -> Floats:
-        bound = super().bound([w for w in costs if type(w.cost) is not Signature])
-        with_words: Floats = bound + self._least
-        return with_words
+        bound: Floats = super().bound([w for w in costs if type(w.cost) is not Signature]) + self._least
+        return bound
 
     def cheapest(
         self, block: AnyInts, part: AnyInts, beyond: F32, most: Floats

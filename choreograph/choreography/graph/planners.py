@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -93,7 +93,7 @@ def _search(
             best, parent = step(layer, following, reached)
             if not np.isfinite(best).any():
                 raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
-            if greedy is not None and not greedy.extend(following, node_cost, costs, song_features):
+            if greedy is not None and not greedy.extend(following, node_cost, step.from_one):
                 greedy = None
             # Nodes that cannot be reached keep their place, with infinite cost, so that indices agree.
             reached = best + node_cost
@@ -145,10 +145,15 @@ def plan_greedy(
 
     Raises as `plan_exact`. It can also run into a dead end that `plan_exact` avoids.
     """
+
+    def edges(last: Layer, layer: Layer) -> NDArray[np.float32]:
+        from_last: NDArray[np.float32] = edge_costs(last, layer, costs, song_features)[0]
+        return from_last
+
     path = _GreedyPath(*allowed_nodes(source.layer(0), costs, song_features))
     for second in range(1, source.n_seconds):
         layer = source.layer(second)
-        if not path.extend(*allowed_nodes(layer, costs, song_features), costs, song_features):
+        if not path.extend(*allowed_nodes(layer, costs, song_features), edges):
             raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
         if report is not None:
             report(second + 1, source.n_seconds)
@@ -168,11 +173,13 @@ class _GreedyPath:
         self,
         layer: Layer,
         node_cost: NDArray[np.float64],
-        costs: Sequence[WeightedCost],
-        song_features: SongFeatures,
+        edges: Callable[[Layer, Layer], NDArray[np.float32]],
     ) -> bool:
-        """Append the cheapest node of `layer`. Return False if no edge into it is allowed."""
-        total = node_cost + edge_costs(self._last, layer, costs, song_features)[0]
+        """Append the cheapest node of `layer`. Return False if no edge into it is allowed.
+
+        `edges` gives the costs (N,) of going from a layer of one node to the nodes of another layer.
+        """
+        total = node_cost + edges(self._last, layer)
         best = int(np.argmin(total))
         if not np.isfinite(total[best]):
             return False

@@ -17,7 +17,6 @@ from choreograph.choreography.graph.layers import (
     PoseBank,
     changed_layer,
     facing,
-    joined_layers,
     one_per_time_map,
 )
 from choreograph.choreography.graph.warp_kernels import segment_beats
@@ -212,11 +211,11 @@ class ClipTable:
 
 @dataclass(frozen=True, eq=False)
 class _Borders:
-    """Bodies of M nodes where takes may change, at both borders of their second."""
+    """Bodies of N nodes where takes may change, at both borders of their second."""
 
-    pose_m: AnyFloats  # (2, M, 21, 3) in the root frame
-    velocity_m_s: AnyFloats  # (2, M, 21, 3)
-    heading_rad: AnyFloats  # (M, 2) from the front of the take
+    pose_m: AnyFloats  # (N, 2, 21, 3) in the root frame
+    velocity_m_s: AnyFloats  # (N, 2, 21, 3)
+    heading_rad: AnyFloats  # (N, 2) from the front of the take
 
 
 class LayerSource:
@@ -287,12 +286,8 @@ class LayerSource:
     def _layer(self, second: int, starts: Sequence[int]) -> Layer:
         """The nodes of the segments inserted at `starts`, one of each time map."""
         kept = one_per_time_map([self._segments.time_map_id[start] for start in starts])
-        quarters = [
-            self._quarter(start, second - start, nodes)
-            for start, nodes in zip(starts, kept, strict=True)
-            if len(nodes)
-        ]
-        return joined_layers(quarters)
+        start = np.repeat(np.asarray(starts), [len(nodes) for nodes in kept])
+        return self._nodes(start, second - start, np.concatenate(kept))
 
     def _content(self, start: int) -> bytes:
         """A digest of the segments inserted at `start`, and of where they are joined."""
@@ -320,39 +315,35 @@ class LayerSource:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
         segment, offset = divmod(key, SEGMENT_S)
         start, rank = divmod(segment, self._segments.clip.shape[1])
-        return self._in_dance(self._quarter(start, offset, np.array([rank])))
+        return self._in_dance(self._nodes(np.array([start]), np.array([offset]), np.array([rank])))
 
-    def _borders(self, start: int, offset: int, nodes: AnyInts) -> _Borders:
-        """The bodies at both borders of quarter `offset` of some segments that are inserted at `start`."""
-        clip = self._segments.clip[start, nodes]
-        maps = self._segments.time_maps[start, nodes]
-        joins_s = self._join_times_s[start + offset : start + offset + 2] - start
-        joins = joins_s * NET_FPS  # (2,) output frames
+    def _borders(self, start: AnyInts, offset: AnyInts, rank: AnyInts) -> _Borders:
+        """The bodies at both borders of the nodes of `_nodes`."""
+        clip, maps = self._segments.clip[start, rank], self._segments.time_maps[start, rank]
+        joins_s = self._join_times_s[(start + offset)[:, None] + [0, 1]] - start[:, None]
+        joins = joins_s * NET_FPS  # (N, 2) output frames
         low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
-        speed = maps[:, low + 1] - maps[:, low]  # (M, 2) source frames per output frame
-        borders = maps[:, low] + (joins - low) * speed  # (M, 2)
-        pose, velocity = self._poses.poses_m(np.repeat(clip, 2), borders.ravel())
-        shape = (len(clip), 2, *pose.shape[1:])
-        velocity = velocity.reshape(shape) * speed[:, :, None, None]
-        return _Borders(
-            pose.reshape(shape).swapaxes(0, 1), velocity.swapaxes(0, 1),
-            self._poses.headings_rad(clip, borders),
-        )  # fmt: skip
+        before = np.take_along_axis(maps, low, axis=1)
+        speed = np.take_along_axis(maps, low + 1, axis=1) - before  # (N, 2) source frames per output frame
+        borders = before + (joins - low) * speed  # (N, 2)
+        pose_m, velocity_m_s = self._poses.poses_m(np.repeat(clip, 2), borders.ravel())
+        shape = (len(clip), 2, *pose_m.shape[1:])
+        velocity_m_s = velocity_m_s.reshape(shape) * speed[:, :, None, None]
+        return _Borders(pose_m.reshape(shape), velocity_m_s, self._poses.headings_rad(clip, borders))
 
-    def _quarter(self, start: int, offset: int, part: AnyInts) -> Layer:
-        """Quarter `offset` of some segments inserted at `start`, as the part of a layer that they make."""
+    def _nodes(self, start: AnyInts, offset: AnyInts, rank: AnyInts) -> Layer:
+        """Nodes of a second: quarters `offset` (N,) of the segments `rank` (N,) inserted at `start` (N,)."""
         segments, clips = self._segments, self._clips
-        clip = segments.clip[start, part]
+        clip = segments.clip[start, rank]
         take = clips.take[clip]
-        k = segments.clip.shape[1]
-        borders = self._borders(start, offset, part)
-        window = slice(offset * NODE_FRAMES, (offset + 1) * NODE_FRAMES + 1)
-        source_frames = segments.time_maps[start, part, window]  # (K, 21)
-        headings = self._poses.headings_rad(clip, source_frames)  # (K, 21)
+        borders = self._borders(start, offset, rank)
+        frames = offset[:, None] * NODE_FRAMES + np.arange(NODE_FRAMES + 1)
+        source_frames = segments.time_maps[start[:, None], rank[:, None], frames]  # (N, 21)
+        headings = self._poses.headings_rad(clip, source_frames)  # (N, 21)
         return Layer(
-            second=start + offset,
-            segment=start * k + part,
-            offset=np.full(len(clip), offset),
+            second=int(start[0] + offset[0]),
+            segment=start * segments.clip.shape[1] + rank,
+            offset=offset,
             clip=clip,
             take=take,
             take_names=clips.take_names[take],
@@ -360,15 +351,15 @@ class LayerSource:
             style=clips.style[clip],
             take_usage_s=np.zeros((len(clip), 0), np.float32),
             take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
-            density_mismatch=segments.density_mismatch[start, part, offset],
-            unmatched_beat=segments.unmatched_beat[start, part, offset],
-            first_beat=segments.first_beat[start, part, offset],
-            last_beat=segments.last_beat[start, part, offset],
-            time_map_id=segments.time_map_id[start, part],
+            density_mismatch=segments.density_mismatch[start, rank, offset],
+            unmatched_beat=segments.unmatched_beat[start, rank, offset],
+            first_beat=segments.first_beat[start, rank, offset],
+            last_beat=segments.last_beat[start, rank, offset],
+            time_map_id=segments.time_map_id[start, rank],
             count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
-            off_bar=segments.off_bar[start, part, offset],
-            enter_penalty=segments.phrase_penalty[start, part, offset],
-            leave_penalty=segments.phrase_penalty[start, part, offset + 1],
+            off_bar=segments.off_bar[start, rank, offset],
+            enter_penalty=segments.phrase_penalty[start, rank, offset],
+            leave_penalty=segments.phrase_penalty[start, rank, offset + 1],
             heading_rad=headings,
             join_heading_rad=borders.heading_rad,
             facing=facing(headings),
@@ -378,11 +369,11 @@ class LayerSource:
             liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
             steps=clips.steps[clip],
             source_frames=source_frames,
-            first_pose_m=borders.pose_m[0],
-            last_pose_m=borders.pose_m[1],
-            first_velocity_m_s=borders.velocity_m_s[0],
-            last_velocity_m_s=borders.velocity_m_s[1],
-            motifs=self._motifs[start, part, offset],
+            first_pose_m=np.ascontiguousarray(borders.pose_m[:, 0]),
+            last_pose_m=np.ascontiguousarray(borders.pose_m[:, 1]),
+            first_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 0]),
+            last_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 1]),
+            motifs=self._motifs[start, rank, offset],
             motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
             danced=np.zeros((len(clip), 0)),
             bank=self._poses,

@@ -188,19 +188,21 @@ def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips)
     index = song.index_at(second + np.arange(SEGMENT_FRAMES + 1) / NET_FPS)  # (81,)
     beats = np.arange(*np.ceil(index[[0, -1]] - _ON_BEAT).astype(int))  # (Q,) inside the 4 s
     nearest = np.round(wanted - index[0])  # (K',)
-    best = np.full(len(counted), np.inf)
-    shift = np.zeros(len(counted), np.int64)
-    for step in range(-_MAX_SHIFTS + 1, _MAX_SHIFTS):
-        tried = (nearest + step).astype(np.int64)
-        ends = index[[0, -1]] + tried[:, None]  # (K', 2)
-        ends_s = takes.count_s(take, ends) - start_s[:, None]
-        inside = (ends_s[:, 0] >= 0) & (ends_s[:, 1] <= (CLIP_FRAMES - 1) / NET_FPS)
-        inside &= takes.reaches(take, ends)
-        off_bar = _off_bar(song, takes, take, beats, tried).mean(axis=1) if len(beats) else 0.0
-        # A bar that fits is worth more than any distance from the middle.
-        cost = np.where(inside, 100.0 * off_bar + np.abs(tried + index[0] - wanted), np.inf)
-        better = cost < best
-        best[better], shift[better] = cost[better], tried[better]
+    # All shifts of all clips at once, the shifts of the first step first.
+    steps = np.arange(-_MAX_SHIFTS + 1, _MAX_SHIFTS)  # (D,)
+    tried = (nearest + steps[:, None]).astype(np.int64).ravel()  # (D K',)
+    take_tried, start_tried_s, wanted_tried = (np.tile(of, len(steps)) for of in (take, start_s, wanted))
+    ends = index[[0, -1]] + tried[:, None]  # (D K', 2)
+    ends_s = takes.count_s(take_tried, ends) - start_tried_s[:, None]
+    inside = (ends_s[:, 0] >= 0) & (ends_s[:, 1] <= (CLIP_FRAMES - 1) / NET_FPS)
+    inside &= takes.reaches(take_tried, ends)
+    off_bar = _off_bar(song, takes, take_tried, beats, tried).mean(axis=1) if len(beats) else 0.0
+    # A bar that fits is worth more than any distance from the middle.
+    cost = np.where(inside, 100.0 * off_bar + np.abs(tried + index[0] - wanted_tried), np.inf)
+    cost = cost.reshape(len(steps), -1)  # (D, K')
+    best = cost.min(axis=0)
+    first = np.argmin(cost, axis=0)
+    shift = np.where(np.isfinite(best), (nearest + steps[first]).astype(np.int64), 0)
     counts_s = takes.count_s(take, index + shift[:, None])  # (K', 81)
     maps = (counts_s + _accent_shift_s(song, takes, take, index, shift) - start_s[:, None]) * NET_FPS
     # The limits apply to the tempo. A shifted accent may exceed them a little.

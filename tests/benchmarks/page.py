@@ -1,0 +1,189 @@
+"""A page of times: stages of dances, and ratios of ways to do the same work, measured by turns in one run.
+
+    OMP_NUM_THREADS=1 python tests/benchmarks/page.py -o research/results/speed.md
+
+All times are CPU seconds of all threads. Where two ways are compared, each is measured several times by
+turns, and the ratio is that of the medians, so that other work on the machine slows both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from stages import measured, song_of, unit_s
+
+import choreograph as cg
+from choreograph.choreography.graph import engine as graph_engine
+from choreograph.choreography.graph.forward import cheapest_predecessors
+from choreograph.choreography.graph.warping import subsequence_dtw
+from choreograph.music.beats import cached_librosa
+
+SONGS_S = (60.0, 180.0)
+ENGINES = ("graph", "mixer", "rollout")
+N_WARPS = 512
+
+
+def cpu_s(run: Callable[[], object]) -> float:
+    """CPU seconds of all threads."""
+    start = time.process_time()
+    run()
+    return time.process_time() - start
+
+
+def compared(ours: Callable[[], object], other: Callable[[], object], n: int = 5) -> tuple[float, float]:
+    """Median CPU seconds of two ways, measured by turns after one run of each."""
+    ours(), other()
+    times = [(cpu_s(ours), cpu_s(other)) for _ in range(n)]
+    first, second = (median(column) for column in zip(*times, strict=True))
+    return first, second
+
+
+def stage_table(songs: dict[float, Path], repertoire: cg.Repertoire) -> list[str]:
+    """CPU seconds of every stage, for each engine and song, and in units of the known work."""
+    columns = [(engine, seconds) for engine in ENGINES for seconds in songs]
+    spent = []
+    for engine, seconds in columns:
+        make = partial(cg.dance, songs[seconds], repertoire, engine=engine, duration_s=seconds)
+        make()
+        spent.append(measured(make))
+    names = list(dict.fromkeys(name for one in spent for name in one))
+    lines = [
+        "| stage | " + " | ".join(f"{engine}, {seconds:g} s" for engine, seconds in columns) + " |",
+        "| --- |" + " --- |" * len(columns),
+    ]
+    for name in names:
+        lines.append(
+            f"| {name} | " + " | ".join(f"{one[name]:.2f}" if name in one else "" for one in spent) + " |"
+        )
+    lines.append("| sum | " + " | ".join(f"{sum(one.values()):.2f}" for one in spent) + " |")
+    return lines
+
+
+def warps() -> tuple[float, float]:
+    """Our subsequence DTW of 512 clips, and librosa's in a loop over 16 of them, times 32."""
+    librosa = cached_librosa()
+    rng = np.random.default_rng(0)
+    query, targets = rng.random(80, np.float32), rng.random((N_WARPS, 160), np.float32)
+
+    def in_a_loop() -> None:
+        for target in targets[: N_WARPS // 32]:
+            librosa.sequence.dtw(
+                X=query[None], Y=target[None], metric="sqeuclidean", subseq=True,
+                step_sizes_sigma=np.array([[1, 1], [1, 2], [2, 1]]), weights_mul=np.array([1.0, 1.0, 2.0]),
+                weights_add=np.zeros(3),
+            )  # fmt: skip
+
+    ours, loop = compared(lambda: subsequence_dtw(query, targets), in_a_loop)
+    return ours, 32 * loop
+
+
+def searches(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[float, float, float]:
+    """The exact plan, its forward pass alone, and a Viterbi search over float32 edges of the same layers.
+
+    The bare search reads its edges, one for each pair of nodes of two seconds, from an array.
+    """
+    calls: list[tuple] = []
+    plan_path = graph_engine._plan_path
+
+    def kept(*args):
+        calls.append(args)
+        return plan_path(*args)
+
+    graph_engine._plan_path = kept
+    cg.dance(song, repertoire, duration_s=seconds)
+    graph_engine._plan_path = plan_path
+    source = calls[0][0]
+    layers = [source.layer(second) for second in range(source.n_seconds)]
+    source.layer = layers.__getitem__  # layers are no part of the search
+    most = max(layer.n_nodes for layer in layers)
+    edges = np.random.default_rng(0).random((most, most), np.float32)
+
+    def bare() -> None:
+        reached = np.zeros(layers[0].n_nodes, np.float32)
+        for layer in layers[1:]:
+            least, rows = np.full(layer.n_nodes, np.inf, np.float32), np.zeros(layer.n_nodes, np.int32)
+            here = np.ascontiguousarray(edges[: len(reached), : layer.n_nodes])
+            cheapest_predecessors(reached, here, least, rows)
+            reached = least
+
+    plan = partial(plan_path, *calls[0])
+    whole, of_bare = compared(plan, bare, 3)
+    spent = measured(plan)
+    return whole, spent["exact search"], of_bare
+
+
+def changes(song: Path, seconds: float, repertoire: cg.Repertoire) -> dict[str, tuple[float, float]]:
+    """Changes in a session, and the same dances made anew."""
+    session = cg.Session(song, repertoire, duration_s=seconds)
+    take = session.dance().plan.seconds[5].take
+    arguments = {
+        "weight": {"weights": {"style": 1.2}},
+        "pin": {"pins": [cg.TakePin(seconds - 20.0, seconds - 16.0, take)]},
+        "ban": {"bans": [cg.Ban(take=take)]},
+        "seed": {"seed": 1},
+        "mixer": {"engine": "mixer"},
+        "rollout": {"engine": "rollout"},
+    }
+    times = {}
+    for name, change in arguments.items():
+        session.dance()
+        in_session = cpu_s(partial(session.dance, **change))
+        times[name] = in_session, cpu_s(partial(cg.dance, song, repertoire, duration_s=seconds, **change))
+    return times
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True)
+    options = parser.parse_args()
+    repertoire = cg.starter_repertoire()
+    with TemporaryDirectory() as folder:
+        songs = {seconds: song_of(seconds, Path(folder)) for seconds in SONGS_S}
+        first = songs[SONGS_S[0]]
+        stages = stage_table(songs, repertoire)
+        ours_s, loop_s = warps()
+        plan_s, forward_s, bare_s = searches(first, SONGS_S[0], repertoire)
+        changed = changes(first, SONGS_S[0], repertoire)
+    lines = [
+        "# Speed",
+        "",
+        "CPU seconds of all threads, in one process, with kernels compiled and the song known. Written by "
+        "`make benchmark`. The songs are synthetic house songs, and the takes are the built-in ones.",
+        "",
+        f"Python {platform.python_version()}, NumPy {np.__version__}. A fixed amount of work, of which one "
+        f"half is compiled and the other NumPy, took {unit_s():.3f} s.",
+        "",
+        "## Stages of a dance",
+        "",
+        *stages,
+        "",
+        "## Ratios",
+        "",
+        "Each pair was measured by turns in the same run.",
+        "",
+        "| what | s | beside it | s | ratio |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    pairs = {
+        f"{N_WARPS} warps": (ours_s, "librosa's DTW in a loop", loop_s),
+        "exact plan of 60 s": (plan_s, "bare float32 Viterbi", bare_s),
+        "its forward pass": (forward_s, "bare float32 Viterbi", bare_s),
+        **{f"{name} in a session": (own_s, "made anew", anew_s) for name, (own_s, anew_s) in changed.items()},
+    }
+    for what, (own_s, other, other_s) in pairs.items():
+        lines.append(f"| {what} | {own_s:.3f} | {other} | {other_s:.3f} | {own_s / other_s:.3f} |")
+    options.output.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
