@@ -125,7 +125,7 @@ def changes(song: Path, seconds: float, repertoire: cg.Repertoire) -> dict[str, 
     session = cg.Session(song, repertoire, duration_s=seconds)
     take = session.dance().plan.seconds[5].take
     arguments = {
-        "weight": {"weights": {"style": 1.2}},
+        "weight": {"weights": {"genre": 1.2}},
         "pin": {"pins": [cg.TakePin(seconds - 20.0, seconds - 16.0, take)]},
         "ban": {"bans": [cg.Ban(take=take)]},
         "seed": {"seed": 1},

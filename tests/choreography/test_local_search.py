@@ -111,10 +111,16 @@ def test_the_compiled_search_is_that_of_any_costs_to_the_bit(seed, n_motifs, mon
 
 
 @pytest.mark.slow
-def test_a_dance_is_the_same_with_the_compiled_search(monkeypatch):
-    arguments = {"duration_s": 24.0, "seed": 2, "weights": {"front": 2.0, "form": 6.0}}
+@pytest.mark.parametrize(
+    "changes",
+    [{"weights": {"front": 2.0, "form": 6.0}}, {"warping": "dtw", "front": "free"}, {"genre": "waltz"}],
+)
+def test_a_dance_is_the_same_with_compiled_searches(changes, monkeypatch):
+    arguments = {"duration_s": 24.0, "seed": 2, **changes}
     plan = cg.dance(cg.example_songs()["house"], **arguments).plan
     monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED", ())
+    assert cg.dance(cg.example_songs()["house"], **arguments).plan == plan
+    monkeypatch.setattr("choreograph.choreography.graph.forward._ORDER", ())
     assert cg.dance(cg.example_songs()["house"], **arguments).plan == plan
 
 
