@@ -314,8 +314,7 @@ def rotated(walk_m: AnyFloats, turn_rad: AnyFloats) -> AnyFloats:
 
 def positions(layer: Layer, share: float) -> AnyFloats:
     """The take and frame of each node after a `share` of its second, as one number (N,) in frames."""
-    first, last = layer.take_frames.T
-    return position(layer.take, first, last, share)
+    return position(layer.take, layer.take_frames[:, 0], layer.take_frames[:, 1], share)
 
 
 def position(take: AnyInts, first: AnyFloats, last: AnyFloats, share: float) -> AnyFloats:
@@ -341,9 +340,8 @@ def joined_layers(parts: Sequence[Layer]) -> Layer:
 
 def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
     """The indices of the nodes of each part of a layer, of which each time map has only the first node."""
-    time_map_id = np.concatenate(time_map_ids)
-    own_id = -1 - np.arange(len(time_map_id))
-    _, first = np.unique(np.where(time_map_id >= 0, time_map_id, own_id), return_index=True)
+    shared = np.concatenate(time_map_ids)
+    _, first = np.unique(np.where(shared >= 0, shared, -1 - np.arange(len(shared))), return_index=True)
     first, stops = np.sort(first), np.cumsum([len(ids) for ids in time_map_ids])
     found = np.split(first, np.searchsorted(first, stops[:-1]))
     return [nodes - (stop - len(ids)) for nodes, stop, ids in zip(found, stops, time_map_ids, strict=True)]
