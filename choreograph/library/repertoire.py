@@ -40,9 +40,7 @@ if TYPE_CHECKING:
 def html_table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, max_rows: int) -> str:
     """The table as HTML with all text escaped, and after `max_rows` rows the number of those left out."""
     head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join(
-        f"<tr>{''.join(f'<td>{escape(text)}</td>' for text in row)}</tr>" for row in rows[:max_rows]
-    )
+    body = "".join(f"<tr>{''.join(f'<td>{escape(t)}</td>' for t in row)}</tr>" for row in rows[:max_rows])
     if len(rows) > max_rows:
         body += f'<tr><td colspan="{len(header)}">… and {len(rows) - max_rows:,} more</td></tr>'
     top = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
@@ -108,8 +106,7 @@ class Repertoire:
         genres = ", ".join(sorted({take.credits.genre for take in self.takes} - {""})) or "none"
         return (
             f"{self.path.name}: {counted(len(self.takes), 'take')}, {minutes:.1f} min, "
-            f"{counted(self.n_clips, 'clip')}, "
-            f"genres: {genres}"
+            f"{counted(self.n_clips, 'clip')}, genres: {genres}"
         )
 
     @property

@@ -332,9 +332,7 @@ def changed_layer(layer: Layer, **values: Any) -> Layer:
 
 def joined_layers(parts: Sequence[Layer]) -> Layer:
     """The nodes of several layers of one second, in order."""
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS
-    }
+    arrays: dict[str, Any] = {n: np.concatenate([getattr(part, n) for part in parts]) for n in _ARRAYS}
     return changed_layer(parts[0], **arrays)
 
 
@@ -352,8 +350,7 @@ class WordLayers:
 
     def __init__(self, repertoire: Repertoire) -> None:
         self._vocabulary, self._bank = repertoire.vocabulary, repertoire.clip_motion.of_takes()
-        names = [(take.name, take.credits.genre) for take in repertoire.takes]
-        self._names, self._genres = np.array(names).T
+        self._names, self._genres = np.array([(t.name, t.credits.genre) for t in repertoire.takes]).T
         clip = _clips_of_words(repertoire)
         self._style = np.zeros((len(clip), repertoire.clip_style.shape[1]), np.float32)  # (W, 32)
         self._style[clip >= 0] = repertoire.clip_style[clip[clip >= 0]]
