@@ -41,7 +41,7 @@ from choreograph.pipeline.keeping import AvoidRepeating, ExistingDance, fill, re
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
-from choreograph.render.rendering import render
+from choreograph.render.rendering import off_stage, render
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
@@ -350,8 +350,8 @@ def _danced(
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)
-    kept_notes = () if kept is None else kept.notes
-    notes = (*notes, *kept_notes, *result.notes, *left_out, *result.unmet)
+    notes = notes if kept is None else (*notes, *kept.notes)
+    notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
 
 

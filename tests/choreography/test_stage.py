@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_layers import random_source
+from synthetic_motions import swaying
 
 import choreograph as cg
 from choreograph.choreography.graph.local_search import with_history
@@ -15,6 +16,7 @@ from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_wo
 from choreograph.core.arguments import as_stage_m
 from choreograph.evaluation.metrics import front
 from choreograph.motion.body import body_pos_m
+from choreograph.render.rendering import off_stage
 from choreograph.render.runs import MAX_STEER_RAD, steer_rad
 
 
@@ -83,6 +85,17 @@ def test_joins_bend_the_path_back_within_the_borders():
     assert abs(steer_rad(place, ahead, stage="4x2")) == pytest.approx(MAX_STEER_RAD)  # at the border
     assert steer_rad(place, ahead, stage="8x8") == 0.0  # near the middle
     assert steer_rad(8.0 * place, ahead, stage="free") == 0.0
+
+
+def test_a_dance_that_leaves_the_stage_is_noted():
+    motion = swaying(100)
+    there_m = np.zeros((100, 3))
+    still = replace(motion, root_pos_m=there_m + np.array([3.0, 1.0, 5.0]))  # the stage moves along
+    assert off_stage(still, "4x3") == ()
+    there_m[75:, 2] = 1.6
+    walking = replace(motion, root_pos_m=there_m)
+    assert off_stage(walking, "4x3") == ("the dancer is off the stage (4x3 m) for 25% of the time",)
+    assert off_stage(walking, "4x4") == off_stage(walking, "near") == off_stage(walking, "free") == ()
 
 
 @pytest.mark.slow

@@ -118,7 +118,6 @@ def extended(
         for j in range(n_b):
             if costs[i, j] < best[j]:
                 best[j], parent[j] = costs[i, j], i
-
     steer_rad, history = constants[1], (
         np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32), np.empty((n_b, danced.shape[1])),
         np.empty((n_b, counts.shape[1]), np.int16),
