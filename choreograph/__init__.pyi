@@ -14,7 +14,9 @@ from .core.errors import NoPathError as NoPathError
 from .core.errors import ParameterError as ParameterError
 from .core.errors import RepertoireError as RepertoireError
 from .evaluation import metrics
+from .evaluation.coverage import coverage as coverage
 from .evaluation.dance_scores import evaluate as evaluate
+from .evaluation.lint import lint as lint
 from .formats.bvh import BvhOptions as BvhOptions
 from .formats.register import load_motion as load_motion
 from .formats.register import save_motion as save_motion
@@ -75,9 +77,11 @@ __all__ = [
     "TakePin",
     "__version__",
     "build",
+    "coverage",
     "dance",
     "evaluate",
     "example_songs",
+    "lint",
     "load_motion",
     "load_song",
     "metrics",

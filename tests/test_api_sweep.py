@@ -232,6 +232,8 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
             dance, {"engine": "rollout"}, ("style_song", "style_strength", "style_window", *follow)
         ),
         "evaluate": sound(cg.evaluate, motion=t.motion, song=t.song),
+        "lint": sound(cg.lint, repertoire=t.repertoire),
+        "coverage": sound(cg.coverage, repertoire=t.repertoire, songs=[t.song]),
         "load_motion": sound(cg.load_motion, path=t.folder / "made.npz"),
         "save_motion": sound(cg.save_motion, path="a.npz", motion=t.motion),
         "load_song": sound(cg.load_song, path=t.folder / "clicks.wav"),

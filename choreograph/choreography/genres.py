@@ -197,6 +197,8 @@ def style_losses(
     with_clips = set(of_take[np.unique(repertoire.clip_take)])
     known = repertoire.vocabulary.genres if repertoire.has_vocabulary else ()
     genres = [genre for genre in known if genre in with_clips.difference(banned)]
+    # Takes without counts are not danced on counts, so that a genre of such takes would be danced by others.
+    genres = [genre for genre in genres if counts_of_takes(repertoire, genre)] or genres
     if not genres or not style.any():
         return [], np.zeros((len(style), 0))
     of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
@@ -226,7 +228,7 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
     losses = np.zeros((n_seconds, len(genres)))
     if len(counts) < 2:
         return losses
-    bpm, metre_at = _tempo_at(counts, n_seconds), _metre_at(counts, n_seconds)
+    bpm, metre_at = tempo_at(counts, n_seconds), _metre_at(counts, n_seconds)
     for column, genre in enumerate(genres):
         takes = counts_of_takes(repertoire, genre)
         metres = np.array([of_take.metre for of_take in takes if of_take.has_bars])
@@ -267,7 +269,7 @@ def _tempo_of_part(
     """Empty, or "slower" or "faster" if a part of a song is outside the tempi of a genre's takes."""
     if len(song_features.counts) < 2:
         return ""
-    bpm = float(np.median(_tempo_at(song_features.counts, song_features.n_seconds)[first_second:stop_second]))
+    bpm = float(np.median(tempo_at(song_features.counts, song_features.n_seconds)[first_second:stop_second]))
     slowest_bpm, fastest_bpm = _tempi_bpm(counts_of_takes(repertoire, genre))
     return "slower" if bpm < slowest_bpm else "faster" if bpm > fastest_bpm else ""
 
@@ -280,7 +282,7 @@ def counts_of_takes(repertoire: Repertoire, genre: str) -> list[Counts]:
     return known or counts
 
 
-def _tempo_at(counts: Counts, n_seconds: int) -> Floats:
+def tempo_at(counts: Counts, n_seconds: int) -> Floats:
     """The tempo around the middle of each second (S,), in BPM."""
     periods_s = median_filter(np.diff(counts.times_s), min(9, len(counts) - 1), mode="nearest")
     middles_s = (counts.times_s[1:] + counts.times_s[:-1]) / 2

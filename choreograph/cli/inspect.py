@@ -38,6 +38,8 @@ _N_COMMON = 5  # motifs shown of each genre
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
         "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      counts to place beside W_1.bvh",
+        "choreograph inspect rep.h5 --lint           duplicates, drifting feet, wrong genres and counts",
+        "choreograph inspect rep.h5 --coverage songs/    what it lacks for these songs",
     ),
 )
 @click.argument("db", required=False, type=click.Path(path_type=Path))
@@ -50,9 +52,15 @@ _N_COMMON = 5  # motifs shown of each genre
 @click.option("--take", metavar="TAKE", help="With --notes: only notes on this take.")
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
 @click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
+@click.option("--lint", "with_lint", is_flag=True, help="Print what is likely wrong in it.")
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), help="File for --signature (.json) or --counts (.csv)."
-)
+    "--coverage", "songs", type=click.Path(path_type=Path), multiple=True, metavar="SONG|FOLDER",
+    help="Print what it lacks for this song, or the songs in this folder. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "-o", "--output", type=click.Path(path_type=Path),
+    help="File for --signature (.json), --counts (.csv) or --coverage (.png).",
+)  # fmt: skip
 def command(
     db: Path | None,
     as_json: bool,
@@ -61,24 +69,16 @@ def command(
     take: str | None,
     signature: str | None,
     counts: str | None,
+    with_lint: bool,
+    songs: tuple[Path, ...],
     output: Path | None,
 ) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
     from choreograph.library.builtin import STARTER_PATH
     from choreograph.library.repertoire import Repertoire
 
-    if (with_notes and (plots is not None or output is not None)) or (take is not None and not with_notes):
-        raise ParameterError("expected --notes alone, with --take TAKE or with --json, got other options")
-    if sum(option is not None for option in (signature, counts)) != (output is not None):
-        raise ParameterError("expected either --signature TAKE|GENRE or --counts TAKE together with -o FILE")
-    if output is not None and (as_json or plots is not None):
-        raise ParameterError("expected only -o with --signature or --counts, got --json or --plots as well")
-    if output is not None:
-        suffix, option = (".json", "--signature") if signature is not None else (".csv", "--counts")
-        if output.suffix.lower() != suffix:
-            raise unexpected(f"a {suffix} for {option}", str(output))
-        check_target(output)
-    check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature",))
+    _check_options(take, output, as_json=as_json, with_notes=with_notes)
+    check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature", "songs"))
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None and output is not None:
         from choreograph.choreography.constraints import write_signature
@@ -98,6 +98,14 @@ def command(
     if with_notes:
         _show_build_notes(repertoire, take, as_json=as_json)
         return
+    if with_lint or songs:
+        from choreograph.cli.archive import show_coverage, show_lint
+
+        if with_lint:
+            show_lint(repertoire, as_json=as_json)
+        else:
+            show_coverage(repertoire, songs, picture=output, as_json=as_json)
+        return
     facts = _facts(repertoire)
     if plots is not None:
         from choreograph.view.motif_plots import write_motif_plots
@@ -108,6 +116,30 @@ def command(
         return
     for line in _text(facts):
         say(line)
+
+
+_WRITTEN = {"--signature": ".json", "--counts": ".csv", "--coverage": ".png"}
+_SHOWN = ("--notes", "--lint", "--plots", *_WRITTEN)  # of which one is shown at a time
+
+
+def _check_options(take: str | None, output: Path | None, *, as_json: bool, with_notes: bool) -> None:
+    """Raise `ParameterError` for options that do not belong together."""
+    given = given_options()
+    shown = [option for option in _SHOWN if option in given]
+    if len(shown) > 1:
+        raise ParameterError(f"expected one of {', '.join(_SHOWN)}, got {' and '.join(shown)}")
+    if take is not None and not with_notes:
+        raise ParameterError("expected --take together with --notes, got --take alone")
+    needs_file = shown and shown[0] in ("--signature", "--counts")
+    if needs_file and (output is None or as_json):
+        raise ParameterError(f"expected {shown[0]} together with -o FILE alone, got other options")
+    if output is None:
+        return
+    if not shown or shown[0] not in _WRITTEN:
+        raise ParameterError(f"expected -o together with one of {', '.join(_WRITTEN)}, got it without")
+    if output.suffix.lower() != _WRITTEN[shown[0]]:
+        raise unexpected(f"a {_WRITTEN[shown[0]]} for {shown[0]}", str(output))
+    check_target(output)
 
 
 def _show_build_notes(repertoire: Repertoire, take: str | None, *, as_json: bool) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.files import atomic_path
 from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.timebase import STORE_FPS, frame_times_s
+from choreograph.evaluation.coverage import GOOD, SPEEDS, Coverage
 from choreograph.evaluation.metrics.front import usual_front_rad
 from choreograph.evaluation.plan_scores import time_maps
 from choreograph.evaluation.results import (
@@ -26,6 +29,7 @@ from choreograph.evaluation.results import (
     dances_of,
     song_table,
 )
+from choreograph.formats.writer import GENERATOR
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
@@ -224,6 +228,54 @@ def _png(sheet: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(sheet).quantize(128).save(buffer, format="PNG", optimize=True)
     return buffer.getvalue()
+
+
+def coverage_figure(found: Coverage) -> Figure:
+    """Tempi of songs over those of takes, a row for each genre and metre.
+
+    A take is a dot at its tempo, with a line over the tempi at which it may be danced. Seconds of songs are
+    columns above, in another colour where they are poor (`evaluation.coverage`).
+    """
+    motion = found.motion
+    of_songs = {(genre, song.metre) for song in found.songs for genre in song.genres}
+    of_takes = {(str(g), int(m)) for g, m in zip(motion.genre, motion.metre, strict=True) if m}
+    rows = sorted(of_songs | of_takes)
+    figure = _figure(_WIDTH_IN, 0.9 + 0.5 * len(rows))
+    axes = figure.subplots()
+    most_s = max(song.duration_s for song in found.songs)
+    for row, (genre, metre) in enumerate(rows):
+        bpm = motion.bpm[(motion.genre == genre) & (motion.metre == metre)]
+        axes.hlines(np.full(len(bpm), row - 0.15), SPEEDS[0] * bpm, SPEEDS[1] * bpm, _MUSIC, alpha=0.15, lw=4)
+        axes.plot(bpm, np.full(len(bpm), row - 0.15), ".", color=_MUSIC)
+        for is_poor, colour in ((False, _INK), (True, _MOTION)):
+            tempi = [
+                tempo
+                for song in found.songs
+                for tempo, reason, danced in zip(song.tempo_bpm, song.reasons, song.genres, strict=True)
+                if (danced, song.metre) == (genre, metre)
+                and (reason != GOOD) == is_poor
+                and np.isfinite(tempo)
+            ]
+            values, seconds = np.unique(np.round(tempi), return_counts=True)
+            heights = 0.6 * np.sqrt(seconds / most_s)
+            axes.vlines(values + 0.5 * is_poor, row, row + heights.clip(max=0.8), colour, lw=2)
+    axes.set_yticks(
+        range(len(rows)), [f"{genre or '-'} in {metre}" if metre else genre for genre, metre in rows]
+    )
+    axes.plot([], [], ".", color=_MUSIC, label="takes, and the tempi they may be danced at")
+    axes.vlines([], [], [], _INK, label="seconds of the songs")
+    axes.vlines([], [], [], _MOTION, label="poor seconds")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False, fontsize="small")
+    axes.set_xlabel("counts a minute")
+    axes.set_ylim(-0.5, len(rows))
+    return figure
+
+
+def write_coverage_figure(path: Path, found: Coverage) -> None:
+    """Write `coverage_figure` as PNG. Raises `ParameterError` if matplotlib is missing."""
+    expect_matplotlib()
+    with atomic_path(path) as temporary:
+        coverage_figure(found).savefig(temporary, format="png", dpi=150, metadata={"Software": GENERATOR})
 
 
 def _first_seconds(motion: Motion, seconds: float) -> Motion:

@@ -102,6 +102,21 @@ def test_two_halves_of_different_genres_are_two_parts(repertoire, genres):
     assert parts_of(features, repertoire, ANYTHING) == [(0, first), (16, second)]
 
 
+def test_a_genre_whose_takes_have_no_counts_is_not_likely_beside_others_with_counts(tmp_path):
+    """Its takes would not be danced on the counts of the song, and those of other genres would."""
+    takes = takes_of(GENRES, metres=(4, 4, 4, 4))
+    uncounted = [
+        replace(m, take=replace(m.take, counts=NO_COUNTS, figures=()))
+        if m.take.credits.genre == "rumba"
+        else m
+        for m in takes
+    ]
+    features = song(["rumba"] * N_SECONDS)
+    assert parts_of(features, planted(tmp_path / "one.h5", uncounted), ANYTHING) == [(0, "waltz")]
+    none = [replace(m, take=replace(m.take, counts=NO_COUNTS, figures=())) for m in takes]
+    assert parts_of(features, planted(tmp_path / "none.h5", none), ANYTHING) == [(0, "rumba")]
+
+
 def test_a_passage_that_is_not_much_nearer_to_another_genre_changes_nothing(repertoire):
     doubtful = song(["waltz"] * 12 + [0.45] * 4 + ["waltz"] * 16, borders_s=[12.0, 16.0])
     assert parts_of(doubtful, repertoire, ANYTHING) == [(0, "waltz")]

@@ -338,3 +338,35 @@ def test_the_costs_are_explained_by_their_classes():
     summary = (Bars.__doc__ or "").splitlines()[0]
     assert summary in " ".join(printed.split())
     assert printed.count("Raise") == len(DEFAULT_WEIGHTS)
+
+
+def test_what_is_wrong_in_a_repertoire_is_printed(tmp_path, db):
+    result = run("inspect", db, "--lint")
+    assert result.exit_code == 0, result.output
+    findings = json.loads(run("inspect", db, "--lint", "--json").output)
+    lines = [
+        f"  {found['take']}: {found['text']}" if found["take"] else f"  {found['text']}" for found in findings
+    ]
+    printed = [line for line in result.stdout.splitlines() if line.startswith("  ")]
+    assert printed == lines or not findings
+    assert not findings or f"{findings[0]['kind']}: " in result.stdout
+
+
+def test_what_a_repertoire_lacks_for_songs_is_printed_and_drawn(tmp_path, song, db):
+    pytest.importorskip("matplotlib")
+    folder = tmp_path / "songs"
+    folder.mkdir()
+    write_clicks(folder / "clicks.wav", bpm=120, duration_s=12.0)
+    picture = tmp_path / "tempi.png"
+    result = run("inspect", db, "--coverage", song, "--coverage", folder, "-o", picture)
+    assert result.exit_code == 0, result.output
+    assert song.stem in result.stdout and "clicks" in result.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    found = json.loads(run("inspect", db, "--coverage", folder, "--json").output)
+    [about] = found["songs"]
+    assert len(about["seconds"]) == 12
+    assert about["poor_s"] == sum(second["lacks"] != "" for second in about["seconds"])
+    assert sum(lack["seconds"] for lack in found["lacks"]) == about["poor_s"]
+    (tmp_path / "empty").mkdir()
+    assert_one_line(run("inspect", db, "--coverage", tmp_path / "empty"), says="without audio files")
+    assert_one_line(run("inspect", db, "--coverage", tmp_path / "none.wav"), says="none.wav")

@@ -70,7 +70,7 @@ def test_the_options_to_repeat_are_few():
     assert repeated == {
         ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
         ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
-        ("evaluate", "--only"), ("evaluate", "--variants"),
+        ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
         ("study write", "--only"), ("study write", "--variants"),
     }  # fmt: skip
 
@@ -125,8 +125,11 @@ def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, d
     for arguments, says in (
         (("songs", "--path", "house", "--copy", "x"), "expected --path alone, got --copy, --path"),
         (("songs", "--path", "house", "--json"), "expected --path alone"),
-        (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "got --json or --plots"),
-        (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --json or --plots"),
+        (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "expected --counts together with"),
+        (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --plots and --signature"),
+        (("inspect", db, "--lint", "--notes"), "got --notes and --lint"),
+        (("inspect", db, "--lint", "-o", "x.png"), "expected -o together with one of --signature"),
+        (("inspect", db, "--coverage", "x.wav", "-o", "x.svg"), "expected a .png for --coverage"),
         (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),
         (("evaluate", "x.bvh", "x.wav", "--seen", "--only", "x"), "beside --only, --seen, got a DANCE"),
         (("build-db", "x", "-o", "x.h5", "--set", "rollout_teacher=false"), "expected --rollout beside"),

@@ -64,6 +64,7 @@ TABLE = {
     "inspect": [
         ([["MINE", "--signature", "waltz"], ["--signature", "MINE"]], ["-o"], (".json",)),
         ([["MINE", "--counts", "take0"]], ["-o"], (".csv",)),
+        ([["--coverage", "MINE"], ["MINE", "--coverage", "song.wav"]], ["-o"], (".png",)),
     ],
     "build-db": [
         (
