@@ -17,6 +17,7 @@ from .evaluation import metrics
 from .evaluation.coverage import coverage as coverage
 from .evaluation.dance_scores import evaluate as evaluate
 from .evaluation.lint import lint as lint
+from .evaluation.movement import movement as movement
 from .formats.bvh import BvhOptions as BvhOptions
 from .formats.register import load_motion as load_motion
 from .formats.register import save_motion as save_motion
@@ -86,6 +87,7 @@ __all__ = [
     "load_song",
     "metrics",
     "motifs_of",
+    "movement",
     "read_character",
     "render",
     "save_motion",

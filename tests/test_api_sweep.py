@@ -233,6 +233,7 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
         ),
         "evaluate": sound(cg.evaluate, motion=t.motion, song=t.song),
         "lint": sound(cg.lint, repertoire=t.repertoire),
+        "movement": sound(cg.movement, repertoire=t.repertoire),
         "coverage": sound(cg.coverage, repertoire=t.repertoire, songs=[t.song]),
         "load_motion": sound(cg.load_motion, path=t.folder / "made.npz"),
         "save_motion": sound(cg.save_motion, path="a.npz", motion=t.motion),

@@ -1,4 +1,4 @@
-"""`choreograph inspect --lint` and `--coverage`: what is wrong in a repertoire, and what songs lack in it."""
+"""`choreograph inspect --lint`, `--coverage` and `--movement`: what a repertoire is good for."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.progress import counted
 from choreograph.evaluation.coverage import Coverage, coverage, coverage_table
 from choreograph.evaluation.lint import KINDS, lint
+from choreograph.evaluation.movement import movement, movement_table
 from choreograph.evaluation.plots import expect_matplotlib, write_coverage_figure
 from choreograph.evaluation.songs import SONG_SUFFIXES
 from choreograph.library.repertoire import Repertoire
@@ -35,6 +36,16 @@ def show_lint(repertoire: Repertoire, *, as_json: bool) -> None:
             say(f"  {finding}")
     if not findings:
         say(f"{repertoire.path.name}: nothing was found")
+
+
+def show_movement(repertoire: Repertoire, *, as_json: bool) -> None:
+    """Print how a repertoire moves, beside the ranges of real dancing."""
+    cells = movement(repertoire)
+    if as_json:
+        click.echo(json.dumps([asdict(cell) | {"inside": cell.is_inside} for cell in cells], indent=1))
+        return
+    for line in movement_table(cells):
+        say(line)
 
 
 def show_coverage(
