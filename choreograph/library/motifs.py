@@ -42,6 +42,9 @@ class Motifs:
         return _nearest(vectors, self.embeddings)
 
 
+_SAME_M = 1e-4  # largest distance of embeddings of the same word
+
+
 def n_motifs_for(n_words: int) -> int:
     """Number of motifs to search for: one per 20 words, at most 500 (as in the paper, with 30,000 words)."""
     return max(1, min(MAX_MOTIFS, n_words // WORDS_PER_MOTIF))
@@ -58,8 +61,8 @@ def find_motifs(
     n_motifs : number of clusters, by default `n_motifs_for(N)`
 
     Returns the motifs, the most frequent first, and the motif of every word (N,), which is that of its
-    closest medoid. There are fewer than `n_motifs` if fewer words are distinct. The same seed gives the same
-    motifs, on any number of threads.
+    closest medoid. There are fewer than `n_motifs` if fewer words differ by more than rounding. The same seed
+    gives the same motifs, on any number of threads.
 
     Raises `ParameterError` if there is no word, a value is not finite, or `n_motifs` is not in 1 … N.
     """
@@ -90,9 +93,16 @@ def _centroids(vectors: NDArray[np.float32], n_motifs: int, seed: int) -> NDArra
 
 
 def _medoids(vectors: NDArray[np.float32], centroids: NDArray[np.float32]) -> Indices:
-    """The word nearest to each centroid. No word is used twice."""
+    """The word nearest to each centroid. No word is used twice, nor two that are the same but for rounding.
+
+    Otherwise rounding, which differs between CPUs, would decide which of two motifs a word shows.
+    """
     nearest = [_nearest(centroids[i : i + 1], vectors)[0] for i in range(len(centroids))]
-    return np.unique(np.array(nearest, np.int64))
+    medoids = np.unique(np.array(nearest, np.int64))
+    of_medoids = vectors[medoids].astype(np.float64)
+    is_same = squared_distances(of_medoids, of_medoids) < _SAME_M**2  # (K, K)
+    is_first = ~np.tril(is_same, -1).any(axis=1)
+    return medoids[is_first]
 
 
 def _nearest(vectors: AnyFloats, targets: AnyFloats) -> Indices:

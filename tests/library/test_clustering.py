@@ -88,3 +88,13 @@ def test_embeddings_of_another_dimension_are_refused():
     with pytest.raises(ParameterError, match="4"):
         motifs.nearest(np.eye(5))
     assert motifs.nearest(np.zeros((0, 4))).shape == (0,)
+
+
+def test_words_that_differ_by_rounding_alone_are_one_motif():
+    """Else rounding, which differs between CPUs, would decide which of two motifs a word shows."""
+    rng = np.random.default_rng(3)
+    distinct = rng.normal(size=(4, 8)).astype(np.float32)
+    words = np.repeat(distinct, 30, axis=0) + rng.normal(scale=1e-7, size=(120, 8)).astype(np.float32)
+    motifs, of_word = find_motifs(words, n_motifs=9)
+    assert len(motifs) == 4
+    assert all(len(np.unique(of_word[start : start + 30])) == 1 for start in range(0, 120, 30))

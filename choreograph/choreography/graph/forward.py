@@ -220,7 +220,7 @@ class _Nodes:
         transition = _cost_of(MotifTransition, of)
         (
             self.end_rad, self.next_part, self.take, self.start_rad, self.part, self.series,
-            self.least_front, self.places, self.motifs, self.number, self.is_return, self.form_weight,
+            self.places, self.motifs, self.number, self.is_return, self.form_weight,
             self.step_cost, self.constants, *_,
         ) = arrays_of(layer, form, signature, song_features)  # fmt: skip
         self._first = layer.first_pose_m

@@ -21,7 +21,7 @@ from choreograph.music.song_features import SongFeatures
 
 COMPILED: tuple[type[Cost], ...] = (Front, Variety, FormCost, Signature)  # in the order of their sum
 NO_NODE = -1
-OF_NODES = 9  # of the `arrays_of` a layer, the first ones, which have a row for each node
+OF_NODES = 8  # of the `arrays_of` a layer, the first ones, which have a row for each node
 _USAGE_KEPT = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
 PER_USAGE = np.float32(1.0 / USAGE_SCALE_S)
 _MANY = np.iinfo(np.int16).max  # more words of a motif than a dance has
@@ -46,7 +46,6 @@ def arrays_of(
     return (
         end_rad, layer.next_part.astype(np.int64), layer.take.astype(np.int64), start_rad,
         layer.part.astype(np.int64), np.ascontiguousarray(series, np.float64),
-        np.asarray(Front().min_edge_costs(layer, layer, song_features), np.float64),
         np.stack([*places, np.zeros(layer.n_nodes)], axis=1),
         np.ascontiguousarray(layer.motifs, np.int16), number, is_return, form_weight, step_cost,
         np.array([constant, *steer]), len(layer.moments) if moments else 0, layer.new_goal,
@@ -57,7 +56,7 @@ def arrays_of(
     "Tuple((float64[::1], int64[::1], float64[::1], float32[:,::1], float64[:,::1], int16[:,::1]))("
     "float32[::1], float32[:,::1], float64[::1], int64, float64[::1], float32[:,::1], float64[:,::1], "
     "int16[:,::1], float32[::1], int64[::1], float32[::1], float64[::1], int16[::1], int64[::1], "
-    "float32[::1], int64[::1], float64[:,::1], float64[::1], float64[:,::1], int16[:,::1], int64[::1], "
+    "float32[::1], int64[::1], float64[:,::1], float64[:,::1], int16[:,::1], int64[::1], "
     "bool_[::1], float32[::1], float32[:,::1], float64[::1], int64, bool_)",
     nogil=True,
 )
@@ -66,7 +65,7 @@ def extended(
     turn_rad: AnyFloats, usage_s: AnyFloats, danced: AnyFloats, counts: AnyInts,
     end_rad: AnyFloats, next_part: AnyInts,
     rest_usage_s: AnyFloats, rest_danced: AnyFloats, rest_counts: AnyInts,
-    take: AnyInts, start_rad: AnyFloats, part: AnyInts, series: AnyFloats, least_front: AnyFloats,
+    take: AnyInts, start_rad: AnyFloats, part: AnyInts, series: AnyFloats,
     places: AnyFloats, motifs: AnyInts,
     number: AnyInts, is_return: NDArray[np.bool_], form_weight: AnyFloats, step_cost: AnyFloats,
     constants: AnyFloats, n_own: int, new_goal: bool,
@@ -76,7 +75,7 @@ def extended(
     `weights` (4,) are those of `COMPILED`. `edges` (P, N) and `reached` (P,) are costs without them. The path
     continues with `path_node`, or with `NO_NODE` if it ends here. Then follow the history of the beginnings,
     their arrays of `arrays_of`, what the rest of the path dances, and the arrays of the nodes.
-    An edge whose lower bound is above the best one into its node is not evaluated.
+    Costs that are looked up are evaluated only where a lower bound of the edge is below the best one.
     """
     n_a, n_b = edges.shape
     seen_danced, seen = seen_of(danced, counts, rest_danced, rest_counts, number, new_goal)
@@ -89,35 +88,19 @@ def extended(
         of_starts[0, j], of_starts[1, j] = np.cos(start_rad[j]), np.sin(start_rad[j])
     before = (angles, next_part, usage_s, seen_danced, seen)
     repeats, bound = bounds_of(weights, weights[3], seen, motifs, step_cost)
-    nodes = (
-        take, of_starts, part, series, least_front, places, is_return, form_weight, motifs, repeats
-    )  # fmt: skip
+    nodes = (take, of_starts, part, series.T.copy(), places, is_return, form_weight, motifs, repeats)
     others = before, nodes, weights, rest_usage_s, step_cost, constants
-    costs, least, order, left = np.empty((n_a, n_b)), np.empty(n_b), np.empty(n_a, np.int64), np.empty(n_a)
-    best, parent = np.empty(n_b), np.empty(n_b, np.int64)
-    for j in range(n_b):
-        least[j], best[j], parent[j] = np.inf, np.inf, 0
+    order, left = np.empty(n_a, np.int64), np.empty(n_a)
     for i in range(n_a):
-        order[i], left[i] = i, 0.0
-    if path_node >= 0:
-        nothing, unbounded = np.empty((n_a, n_b), np.float32), np.empty(n_b)
-        unbounded[path_node] = -np.inf
-        for i in range(n_a):
-            nothing[i, path_node] = 0.0
-        _evaluate(order, path_node, path_node + 1, left, nothing, unbounded, least, costs, *others)
-        least[path_node] = np.inf
-    for i in range(n_a):
-        left[i] = reached[i] - costs[i, path_node] if path_node >= 0 else reached[i]
+        left[i] = reached[i]
+        if path_node >= 0:
+            left[i] -= np.float64(_of_edge(i, path_node, *others))
         place = i
         while place > 0 and left[order[place - 1]] > left[i]:  # promising beginnings first
             order[place] = order[place - 1]
             place -= 1
         order[place] = i
-    _evaluate(order, 0, n_b, left, edges, bound, least, costs, *others)
-    for i in range(n_a):
-        for j in range(n_b):
-            if costs[i, j] < best[j]:
-                best[j], parent[j] = costs[i, j], i
+    best, parent = _cheapest(order, left, edges, bound, *others)
     steer_rad, history = constants[1], (
         np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32), np.empty((n_b, danced.shape[1])),
         np.empty((n_b, counts.shape[1]), np.int16),
@@ -145,47 +128,105 @@ def extended(
 
 
 @njit()
-def _evaluate(
-    rows: Any, first: int, stop: int, reached: Any, edges: Any, bound: Any, least: Any, costs: Any,
+def _cheapest(
+    order: Any, left: Any, edges: Any, bound: Any,
     before: Any, nodes: Any, weights: Any, rest_usage_s: Any, step_cost: Any, constants: Any,
-) -> None:  # fmt: skip  # pragma: no cover - compiled
-    """Write to `costs` (P, N) what the beginnings `rows` cost with the nodes from `first` to `stop` - 1.
+) -> tuple[Any, Any]:  # fmt: skip  # pragma: no cover - compiled
+    """The least cost of each node (N,), and the first of the beginnings that have it.
 
-    `least` (N,) becomes the least cost of each node. Where a lower bound is above it, the cost is inf. Costs
-    are added as by `edge_costs`.
+    The beginnings are tried in an `order` (P,). What they cost so far is `left` (P,). The costs that are
+    looked up in tables are evaluated only for edges whose other costs and `bound` (N,) leave the edge below
+    the best one into its node. Costs are added as by `edge_costs`.
     """
-    angles, next_part, usage_s, seen_danced, seen = before
-    take, of_starts, part, series, least_front, places, is_return, form_weight, motifs, repeats = nodes
-    steer = constants[2], constants[3]
+    usage_s, take, n_b = before[2], nodes[0], len(bound)
     has_usage = weights[1] != 0.0 and usage_s.shape[1] > 0
-    for i in rows:
-        turn, end = (angles[0, i], angles[1, i]), (angles[2, i], angles[3, i])
-        for j in range(first, stop):
-            cost = np.float64(edges[i, j]) + reached[i]
-            if cost + bound[j] > least[j]:
-                costs[i, j] = np.inf
-                continue
-            continues, usage = next_part[i] == part[j], np.float32(0.0)
-            if has_usage:
-                usage = weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
-            front_at_least = 0.0 if continues else weights[0] * least_front[j]
-            if cost + bound[j] + usage + front_at_least > least[j]:
-                costs[i, j] = np.inf
-                continue
-            total = np.float32(0.0)
-            if weights[0] != 0.0:
-                front = turned_cost(
-                    continues, turn, end, (of_starts[0, j], of_starts[1, j]), steer,
-                    (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
-                )  # fmt: skip
-                total += weights[0] * np.float32(front)
-            total += usage
-            if weights[2] != 0.0:
-                total += weights[2] * form_of(i, j, seen_danced, places, is_return, form_weight)
-            if weights[3] != 0.0:
-                total += weights[3] * words_of(i, j, seen, motifs, repeats, step_cost)
-            costs[i, j] = cost + total
-            least[j] = min(least[j], costs[i, j])
+    total, low, rest_s = np.zeros(n_b, np.float32), np.empty(n_b), np.zeros(n_b, np.float32)
+    best, parent = np.full(n_b, np.inf), np.zeros(n_b, np.int64)
+    for j in range(n_b if has_usage else 0):
+        rest_s[j] = rest_usage_s[take[j]]
+    for i in order:
+        n_near = 0
+        for j in range(n_b):
+            low[j] = np.float64(edges[i, j]) + left[i] + bound[j]
+            n_near += low[j] <= best[j]
+        if n_near == 0:
+            continue
+        if weights[0] != 0.0:
+            _front_costs(i, before, nodes, weights[0], constants, total)
+        else:
+            total[:] = np.float32(0.0)
+        if has_usage:
+            for j in range(n_b):
+                total[j] += weights[1] * ((usage_s[i, take[j]] + rest_s[j]) * PER_USAGE)
+        for j in range(n_b):
+            low[j] += total[j]
+        for j in range(n_b):
+            if low[j] <= best[j]:
+                cost = np.float64(edges[i, j]) + left[i]
+                cost += _with_looked_up(total[j], i, j, before, nodes, weights, step_cost)
+                if cost < best[j] or (cost == best[j] and i < parent[j]):
+                    best[j], parent[j] = cost, i
+    return best, parent
+
+
+@njit()
+def _front_costs(
+    i: int, before: Any, nodes: Any, weight: Any, constants: Any, costs: Any
+) -> None:  # pragma: no cover - compiled
+    """Write the weighted `turned_cost` of going from beginning `i` to each node to `costs` (N,).
+
+    It has no branches, so that several nodes are evaluated by one instruction.
+    """
+    angles, next_part, of_starts, part, series = before[0], before[1][i], nodes[1], nodes[2], nodes[3]
+    constant, steer_cos, steer_sin = constants[0], constants[2], constants[3]
+    turn_cos, turn_sin, end_cos, end_sin = angles[0, i], angles[1, i], angles[2, i], angles[3, i]
+    for j in range(len(costs)):
+        joined_cos = end_cos * of_starts[0, j] + end_sin * of_starts[1, j]
+        joined_sin = end_sin * of_starts[0, j] - end_cos * of_starts[1, j]
+        side = steer_sin if joined_sin >= 0 else -steer_sin
+        is_turned, continues = joined_cos < steer_cos, next_part == part[j]
+        cosine = joined_cos * steer_cos + joined_sin * side if is_turned else 1.0
+        sine = joined_sin * steer_cos - joined_cos * side if is_turned else 0.0
+        rotated = TURNED_TAKE * max(1.0 - cosine, 0.0)
+        cosine = turn_cos if continues else cosine
+        sine = turn_sin if continues else sine
+        rotated = 0.0 if continues else rotated
+        cost = constant + series[0, j] * cosine + series[1, j] * sine
+        cost += series[2, j] * (2.0 * cosine * cosine - 1.0) + series[3, j] * (2.0 * sine * cosine)
+        costs[j] = weight * np.float32(max(cost, 0.0) + rotated)
+
+
+@njit()
+def _of_edge(
+    i: int, j: int, before: Any, nodes: Any, weights: Any, rest_usage_s: Any, step_cost: Any, constants: Any
+) -> Any:  # pragma: no cover - compiled
+    """The costs of going from beginning `i` to node `j`."""
+    angles, next_part, usage_s = before[0], before[1], before[2]
+    take, of_starts, part, series = nodes[0], nodes[1], nodes[2], nodes[3]
+    total = np.float32(0.0)
+    if weights[0] != 0.0:
+        front = turned_cost(
+            next_part[i] == part[j], (angles[0, i], angles[1, i]), (angles[2, i], angles[3, i]),
+            (of_starts[0, j], of_starts[1, j]), (constants[2], constants[3]),
+            (series[0, j], series[1, j], series[2, j], series[3, j]), constants[0], TURNED_TAKE,
+        )  # fmt: skip
+        total += weights[0] * np.float32(front)
+    if weights[1] != 0.0 and usage_s.shape[1] > 0:
+        total += weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
+    return _with_looked_up(total, i, j, before, nodes, weights, step_cost)
+
+
+@njit(inline="always")
+def _with_looked_up(
+    total: Any, i: int, j: int, before: Any, nodes: Any, weights: Any, step_cost: Any
+) -> Any:  # pragma: no cover - compiled
+    """The costs of front and variety of an edge with those of form and signature."""
+    places, is_return, form_weight, motifs, repeats = nodes[4], nodes[5], nodes[6], nodes[7], nodes[8]
+    if weights[2] != 0.0:
+        total += weights[2] * form_of(i, j, before[3], places, is_return, form_weight)
+    if weights[3] != 0.0:
+        total += weights[3] * words_of(i, j, before[4], motifs, repeats, step_cost)
+    return total
 
 
 @njit(inline="always")
