@@ -27,7 +27,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar
 
@@ -35,7 +35,7 @@ import numba
 
 from choreograph.core import __version__
 from choreograph.core.errors import ChoreographError
-from choreograph.core.files import atomic_path, cache_folder
+from choreograph.core.files import atomic_path, cache_folder, sha256_of
 
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
@@ -48,6 +48,9 @@ _PRIVATE = {
     "core.caching.IndexDataCacheFile.save": ["self", "key", "data"],
     "core.caching.IndexDataCacheFile.flush": ["self"],
     "core.caching.Cache._index_key": ["self", "sig", "codegen"],
+    "core.caching.Cache._load_overload": ["self", "sig", "target_context"],
+    "core.caching.Cache.load_overload": ["self", "sig", "target_context"],
+    "core.runtime.nrt.rtsys.initialize": ["ctx"],
     "core.serialize.dumps": ["obj"],
     "core.sigutils.normalize_signature": ["sig"],
     "np.ufunc.gufunc.GUFuncBuilder.build_ufunc": ["self"],
@@ -72,11 +75,19 @@ def njit(
     def compiled(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
         with kernel_cache():
             decorated: Callable[_Parameters, _Result] = numba.njit(cache=True, **options)(function)
+        if _why_not_replaced() is None:
+            decorated._cache.load_overload = partial(_loaded, decorated._cache)  # type: ignore[attr-defined]
         if ahead is not None:
             _ahead[decorated] = ahead
         return decorated
 
     return compiled
+
+
+def _loaded(cache: Any, signature: Any, context: Any) -> Any:
+    """As numba's `Cache.load_overload`, without what only compilation needs, which takes 0.3 s to import."""
+    _private("core.runtime.nrt.rtsys.initialize")(context)
+    return cache._load_overload(signature, context)
 
 
 @contextmanager
@@ -114,9 +125,9 @@ def compiled_ahead(*modules: str) -> Iterator[None]:
             process.communicate()  # closes its input, which ends it
 
 
-def _argument_types(ahead: str) -> Any:
+def _argument_types(signature: Any) -> Any:
     """The argument types of a signature, as calls have them."""
-    return _private("core.sigutils.normalize_signature")(ahead)[0]
+    return _private("core.sigutils.normalize_signature")(signature)[0]
 
 
 def _is_kept(kernel: Any, ahead: str) -> bool:
@@ -205,6 +216,7 @@ def _why_not_replaced() -> str | None:
 def _private(path: str) -> Any:
     """The object of this name within `numba`, or None if there is none."""
     import numba.core.caching
+    import numba.core.runtime.nrt
     import numba.core.serialize
     import numba.core.sigutils
     import numba.np.ufunc.gufunc
@@ -259,15 +271,10 @@ class _Locator:
         return f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:32]}"
 
     def get_source_stamp(self) -> str:
-        return _sha256_of(self._source)
+        return sha256_of(self._source)
 
     def get_disambiguator(self) -> str:
         return str(self._lineno)
-
-
-@lru_cache
-def _sha256_of(source: Path) -> str:
-    return hashlib.sha256(source.read_bytes()).hexdigest()
 
 
 class _Entries:
@@ -338,22 +345,19 @@ class _Entries:
             self._unlock(path)
 
     def _note(self, key: _Key, payload: bytes) -> None:
-        self._loaded[self._subfolder, self._name, _arguments(key)] = hashlib.sha256(payload).hexdigest()
+        types = str(_argument_types(key[0]))
+        self._loaded[self._subfolder, self._name, types] = hashlib.sha256(payload).hexdigest()
 
     def _path(self, key: _Key) -> Path | None:
         """The file of a key's entry. Of a wrapper, the name also contains the function that it calls."""
         folder = _folder()
         if folder is None:
             return None
-        inside = (self._subfolder, self._name.removeprefix(_WRAPPER), _arguments(key))
+        types = str(_argument_types(key[0]))  # which wrappers and what they call write in two ways
+        inside = (self._subfolder, self._name.removeprefix(_WRAPPER), types)
         wrapped = self._loaded.get(inside, "") if self._name.startswith(_WRAPPER) else ""
         depends_on = hashlib.sha256(repr((str(key[0]), *key[1:], self._stamp, wrapped)).encode())
         return folder / self._subfolder / f"{self._name}.{depends_on.hexdigest()[:32]}"
-
-
-def _arguments(key: _Key) -> str:
-    """The argument types of a key's signature, which wrappers and what they call write in two ways."""
-    return str(_private("core.sigutils.normalize_signature")(key[0])[0])
 
 
 def _read(path: Path) -> bytes | None:
