@@ -11,26 +11,28 @@ songs ± the spread of repertoires.
 from __future__ import annotations
 
 import argparse
-import shutil
 from collections import defaultdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import h5py
 import numpy as np
 
 import choreograph as cg
 from choreograph.evaluation.songs import find_songs
+from choreograph.library.schema import Contents
+from choreograph.library.store import RepertoireFile
+from choreograph.library.writing import write_repertoire
 
 WAYS = [(selection, cost) for selection in ("genre", "style") for cost in (1.0, 0.0)]
 
 
 def without_genres(repertoire: Path, folder: Path) -> Path:
     """A copy of a repertoire whose takes name no genre."""
-    copy = folder / repertoire.name
-    shutil.copy(repertoire, copy)
-    with h5py.File(copy, "r+") as file:
-        file["takes/genre"][...] = ""
+    copy, file = folder / repertoire.name, RepertoireFile(repertoire)
+    arrays = file.arrays()
+    arrays["takes/genre"] = np.full(len(arrays["takes/genre"]), "")
+    nets = {name: file.read_net(name) for name in file.net_names}
+    write_repertoire(copy, Contents(arrays, file.density, file.provenance, nets))
     return copy
 
 

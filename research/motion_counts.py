@@ -234,7 +234,7 @@ def threshold_lines(readings: Mapping[str, Sequence[Reading]]) -> list[str]:
 def recounted(path: Path, output: Path, counts: Mapping[str, Counts]) -> cg.Repertoire:
     """A copy of a repertoire with these counts of its takes, by name, of other takes none, and no figures."""
     file = RepertoireFile(path)
-    arrays = {name: file.read(name) for name in file.shapes}
+    arrays = file.arrays()
     of_takes = [counts.get(str(name), NO_COUNTS) for name in arrays["takes/name"]]
     stops = np.cumsum([len(c) for c in of_takes])
     arrays |= {

@@ -178,7 +178,7 @@ def readings_of(
 def recounted(path: Path, output: Path, counts: Mapping[str, Counts], *, uncertainty: bool) -> cg.Repertoire:
     """A copy of a repertoire with these counts of its takes, by name, of other takes none, and no figures."""
     file = RepertoireFile(path)
-    arrays = {name: file.read(name) for name in file.shapes if name not in UNCERTAINTY}
+    arrays = {name: array for name, array in file.arrays().items() if name not in UNCERTAINTY}
     of_takes = [counts.get(str(name), NO_COUNTS) for name in arrays["takes/name"]]
     stops = np.cumsum([len(c) for c in of_takes])
     arrays |= {

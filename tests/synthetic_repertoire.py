@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import soundfile
 from synthetic_motions import stepping
@@ -18,7 +19,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays
 from choreograph.library.store import RepertoireFile
 from choreograph.library.words import segment_words
-from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire
+from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire, write_texts
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Take
 from choreograph.motion.motion_beats import motion_beat_times_s
@@ -119,7 +120,7 @@ def without_counts(
 ) -> Repertoire:
     """A copy of a repertoire in which the takes of these names have neither counts nor figures."""
     file = RepertoireFile(repertoire.path)
-    arrays = {name: file.read(name) for name in file.shapes}
+    arrays = file.arrays()
     hidden = np.isin(arrays["takes/name"], list(names))
     start, stop = arrays["takes/count_start"], arrays["takes/count_stop"]
     kept = np.ones(len(arrays["counts/time_s"]), bool)
@@ -137,9 +138,16 @@ def without_counts(
     return Repertoire.open(path)
 
 
+def put_texts(file: h5py.File, name: str, texts: Sequence[str]) -> None:
+    """Texts in place of those that a file has."""
+    del file[name]
+    write_texts(file, name, np.array(texts, object))
+
+
 def read_all(path: Path) -> None:
     """Everything that a dance may read of a repertoire."""
     repertoire = Repertoire.open(path)
+    RepertoireFile(path).verify()
     _ = (
         repertoire.skeleton,
         repertoire.takes,

@@ -11,12 +11,13 @@ from scipy.ndimage import median_filter
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.selection import genre_distances
-from choreograph.core.counts import FROM_MOTION, Counts
+from choreograph.core.counts import Counts
 from choreograph.core.numerics import Floats
 from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.take_counts import TakeTempi
 from choreograph.music.form import Sections
-from choreograph.music.metrical_level import DANCED_IN, tempo_bpm
+from choreograph.music.metrical_level import DANCED_IN
 from choreograph.music.song_features import SongFeatures
 
 _NEAREST = "no genre given: the dance follows {}, by style, tempo and metre"
@@ -198,7 +199,7 @@ def style_losses(
     known = repertoire.vocabulary.genres if repertoire.has_vocabulary else ()
     genres = [genre for genre in known if genre in with_clips.difference(banned)]
     # Takes without counts are not danced on counts, so that a genre of such takes would be danced by others.
-    genres = [genre for genre in genres if counts_of_takes(repertoire, genre)] or genres
+    genres = [genre for genre in genres if len(tempi_of_takes(repertoire, genre).bpm)] or genres
     if not genres or not style.any():
         return [], np.zeros((len(style), 0))
     of_clip = np.array([genres.index(g) if g in genres else -1 for g in of_take])[repertoire.clip_take]
@@ -230,8 +231,8 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
         return losses
     bpm, metre_at = tempo_at(counts, n_seconds), _metre_at(counts, n_seconds)
     for column, genre in enumerate(genres):
-        takes = counts_of_takes(repertoire, genre)
-        metres = np.array([of_take.metre for of_take in takes if of_take.has_bars])
+        takes = tempi_of_takes(repertoire, genre)
+        metres = takes.metre[takes.metre > 0]
         if len(metres) and counts.has_bars:
             other = np.zeros(n_seconds)
             for metre in np.unique(metre_at[metre_at > 0]).tolist():
@@ -244,23 +245,23 @@ def rhythm_losses(counts: Counts, n_seconds: int, repertoire: Repertoire, genres
     return losses
 
 
-def _mean_octaves(bpm: Floats, takes: Sequence[Counts]) -> Floats:
+def _mean_octaves(bpm: Floats, takes: TakeTempi) -> Floats:
     """Mean difference in octaves of tempi (S,) from those of counted takes, weighted by their duration.
 
     It is 0 without takes.
     """
-    if not takes:
+    if len(takes.bpm) == 0:
         return np.zeros(len(bpm))
-    tempi_bpm = np.array([tempo_bpm(of_take) for of_take in takes])  # (X,)
-    octaves = np.abs(np.log2(bpm[:, None] / tempi_bpm))  # (S, X)
-    mean: Floats = np.average(octaves, axis=1, weights=[np.ptp(of_take.times_s) for of_take in takes])
+    tempi, back = np.unique(bpm, return_inverse=True)  # (P,) which songs have few of
+    octaves = np.abs(np.log2(tempi[:, None] / takes.bpm))  # (P, X)
+    mean: Floats = np.average(octaves, axis=1, weights=takes.counted_s)[back]
     return mean
 
 
-def _tempi_bpm(takes: Sequence[Counts]) -> tuple[float, float]:
+def _tempi_bpm(takes: TakeTempi) -> tuple[float, float]:
     """The slowest and the fastest tempo of counted takes, with a tolerance. Without takes, 0 and infinity."""
-    tempi_bpm = [tempo_bpm(of_take) for of_take in takes]
-    return min(tempi_bpm, default=0.0) / _SAME_TEMPO, max(tempi_bpm, default=np.inf) * _SAME_TEMPO
+    slowest, fastest = min(takes.bpm.tolist(), default=0.0), max(takes.bpm.tolist(), default=np.inf)
+    return slowest / _SAME_TEMPO, fastest * _SAME_TEMPO
 
 
 def _tempo_of_part(
@@ -270,16 +271,17 @@ def _tempo_of_part(
     if len(song_features.counts) < 2:
         return ""
     bpm = float(np.median(tempo_at(song_features.counts, song_features.n_seconds)[first_second:stop_second]))
-    slowest_bpm, fastest_bpm = _tempi_bpm(counts_of_takes(repertoire, genre))
+    slowest_bpm, fastest_bpm = _tempi_bpm(tempi_of_takes(repertoire, genre))
     return "slower" if bpm < slowest_bpm else "faster" if bpm > fastest_bpm else ""
 
 
-def counts_of_takes(repertoire: Repertoire, genre: str) -> list[Counts]:
-    """The counts of the takes of a genre that have any. Estimated counts are used if there are no others."""
-    of_genre = [take for take, info in enumerate(repertoire.takes) if info.credits.genre == genre]
-    counts = [of_take for of_take in map(repertoire.counts, of_genre) if len(of_take) > 1]
-    known = [of_take for of_take in counts if of_take.source != FROM_MOTION]
-    return known or counts
+def tempi_of_takes(repertoire: Repertoire, genre: str) -> TakeTempi:
+    """The tempi of the takes of a genre that have counts. Estimated ones are used if there are no others."""
+    tempi = repertoire.take_tempi
+    of_genre = np.array([info.credits.genre == genre for info in repertoire.takes])
+    counted = of_genre & (tempi.n_counts > 1)
+    known = counted & ~tempi.is_estimated
+    return tempi.of(known if known.any() else counted)
 
 
 def tempo_at(counts: Counts, n_seconds: int) -> Floats:

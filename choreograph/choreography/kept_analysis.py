@@ -48,9 +48,8 @@ def kept_analysis(
     song: Song, repertoire: Repertoire, beats: str | Path, genre: str | None, analyse: Callable[[], Analysis]
 ) -> Analysis:
     """The analysis of a song from the cache. If there is none, it is made by `analyse` and written there."""
-    file = repertoire.path.stat()
     key = digest(
-        *(_program(), _repertoire_digest(repertoire.path, file.st_size, file.st_mtime_ns)),
+        *(_program(), repertoire.analysis_digest),
         *(song.name, song.notes, song.start_s, tracker_digest(beats), genre, _sha256(song.samples)),
     )
     return from_bytes(_kept(key, lambda: to_bytes(analyse())))  # also what was just made, as it is read later
@@ -107,11 +106,6 @@ def _program() -> list[str]:
     for path in sorted(folder.rglob("*.py")):
         sources.update(path.read_bytes())
     return [sources.hexdigest(), np.__version__, scipy.__version__]
-
-
-@lru_cache(maxsize=8)
-def _repertoire_digest(path: Path, size: int, mtime_ns: int) -> str:
-    return sha256_of(path)
 
 
 def _read(path: Path) -> bytes | None:

@@ -159,7 +159,7 @@ def takes_of_genre(repertoire: Repertoire, genre: str) -> Mask:
 def takes_of_signature(vocabulary: Vocabulary, signature: Floats, n_takes: int) -> Mask:
     """Which takes (takes,) have motifs of a signature (K,), by the overlap of their own with it."""
     overlap = np.zeros(n_takes)
-    for take in np.unique(vocabulary.word_take):
+    for take in np.unique(vocabulary.word_take).tolist():
         motifs = vocabulary.word_motif[vocabulary.words_of_take(int(take))]
         own = np.bincount(motifs, minlength=vocabulary.n_motifs) / len(motifs)
         overlap[take] = np.minimum(own, signature).sum()
@@ -241,14 +241,13 @@ def _counts_of_takes(
     counts: Counts, repertoire: Repertoire, takes: Mask, name: str
 ) -> tuple[Counts, tuple[str, ...]]:
     """The counts on which takes are danced, and a note if these are not those of the song."""
-    of_takes = [repertoire.counts(int(take)) for take in np.flatnonzero(takes)]
-    of_takes = [of_take for of_take in of_takes if of_take.has_bars and len(of_take) > 1]
-    metres = np.array([of_take.metre for of_take in of_takes], np.int64)
+    tempi = repertoire.take_tempi
+    in_bars = takes & (tempi.metre > 0) & (tempi.n_counts > 1)
+    metres = tempi.metre[in_bars]
     if not counts.has_bars or len(metres) == 0 or counts.metre in metres:
         return counts, ()
     metre = int(np.bincount(metres).argmax())
-    bpm = [tempo_bpm(of_take) for of_take in of_takes if of_take.metre == metre]
-    laid = counts_on_bars(counts, metre, bpm)
+    laid = counts_on_bars(counts, metre, tempi.bpm[in_bars & (tempi.metre == metre)])
     if laid is counts:
         return counts, ()
     return laid, (f"the bars of takes in {metre} ({name}) are danced on bars in {counts.metre}",)
@@ -274,7 +273,7 @@ def missing_from_plan(
     danced_s = {source: time_s for source, time_s in plan.takes_s().items() if source in names}
     if not danced_s:
         return ()
-    counted = np.array([len(repertoire.counts(take)) >= FEWEST_COUNTS for take in range(len(names))])
+    counted = repertoire.take_tempi.n_counts >= FEWEST_COUNTS
     if material.is_requested:
         (goal,) = material.goals
         return _request_note(goal, danced_s, plan, repertoire, requested, take_allowed)

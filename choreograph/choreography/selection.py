@@ -84,10 +84,11 @@ def clip_signature_mismatch(
     word_cost = (1.0 - expected) / (1.0 + expected)
     middle_s = (vocabulary.word_start_s + vocabulary.word_end_s) / 2
     mismatch = np.zeros(len(clip_take))
-    for take in np.unique(clip_take):
+    order = np.argsort(clip_take, kind="stable")
+    takes, firsts = np.unique(clip_take[order], return_index=True)
+    for take, clips in zip(takes.tolist(), np.split(order, firsts[1:]), strict=True):
         words = vocabulary.words_of_take(take)
         sums = np.concatenate([[0.0], np.cumsum(word_cost[words])])
-        clips = np.flatnonzero(clip_take == take)
         first, last = (
             np.searchsorted(middle_s[words], clip_start_s[clips] + edge_s) for edge_s in (0.0, CLIP_S)
         )

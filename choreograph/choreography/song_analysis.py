@@ -13,10 +13,10 @@ from choreograph.choreography.genres import (
     CHANGE_LOSS,
     CHANGE_LOSS_OF_STYLE,
     changes_of_style,
-    counts_of_takes,
     least_loss_path,
     rhythm_losses,
     style_losses,
+    tempi_of_takes,
 )
 from choreograph.choreography.kept_analysis import Analysis, kept_analysis, tracker_digest
 from choreograph.core.counts import Counts
@@ -261,14 +261,17 @@ def _nearest_level(levels: Sequence[Counts], tempi_bpm: dict[int, Floats]) -> Co
 def _take_tempi(repertoire: Repertoire, genre: str | None) -> dict[int, Floats]:
     """The tempi (X,) of the takes of a genre with bars, by their metre. Those of all takes if it has none."""
     every = sorted({take.credits.genre for take in repertoire.takes})
-    takes = [] if genre is None else counts_of_takes(repertoire, genre)
-    takes = takes or [counts for other in every for counts in counts_of_takes(repertoire, other)]
-    tempi_bpm: dict[int, list[float]] = {}
-    for counts in takes:
-        if not counts.has_bars:
-            continue
-        tempi_bpm.setdefault(counts.metre, []).append(tempo_bpm(counts))
-    return {metre: np.array(bpm) for metre, bpm in tempi_bpm.items()}
+    parts = [] if genre is None else [tempi_of_takes(repertoire, genre)]
+    if not any(len(part.bpm) for part in parts):
+        parts = [tempi_of_takes(repertoire, other) for other in every]
+    metre, bpm = np.concatenate([part.metre for part in parts]), np.concatenate([part.bpm for part in parts])
+    return {int(one): bpm[metre == one] for one in _in_order(metre[metre > 0])}
+
+
+def _in_order(values: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Each of the values once, in the order in which they come."""
+    _, first = np.unique(values, return_index=True)
+    return values[np.sort(first)]
 
 
 def _style(

@@ -1,10 +1,11 @@
-"""Progress reports, numbers with plurals, and representations of objects on one line."""
+"""Progress reports, numbers with plurals, representations of objects on one line, and HTML tables."""
 
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, fields, is_dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -74,3 +75,16 @@ def _brief(value: Any) -> str:
 def cut_line(line: str) -> str:
     """A representation such as "<Repertoire rep.h5>", shortened to one line of 120 characters."""
     return line if len(line) <= REPR_CHARACTERS else f"{line[: REPR_CHARACTERS - 4]}...>"
+
+
+# A small HTML table, for notebooks.
+
+
+def html_table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, max_rows: int) -> str:
+    """The table as HTML with all text escaped, and after `max_rows` rows the number of those left out."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in header)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(t)}</td>' for t in row)}</tr>" for row in rows[:max_rows])
+    if len(rows) > max_rows:
+        body += f'<tr><td colspan="{len(header)}">… and {len(rows) - max_rows:,} more</td></tr>'
+    top = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
+    return f"<table>{top}<tbody>{body}</tbody></table>"

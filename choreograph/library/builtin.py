@@ -32,7 +32,7 @@ def starter_repertoire() -> Repertoire:
     >>> repertoire
     <Repertoire starter.h5: 128 takes, 44.6 min, 1,721 clips, genres: cha-cha, ...>
     """
-    return Repertoire(RepertoireFile(STARTER_PATH, is_shipped=True))
+    return Repertoire(RepertoireFile(STARTER_PATH))
 
 
 def as_repertoire(repertoire: object) -> Repertoire:

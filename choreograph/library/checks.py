@@ -6,10 +6,8 @@ the relations between arrays. Messages do not contain the name of the file, whic
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from mmap import mmap
 from typing import Any
 
 import numpy as np
@@ -28,7 +26,6 @@ DEFLATE_RATIO = 1032  # the highest that deflate reaches. A file that claims mor
 MAX_CHUNK_BYTES = 1 << 24
 MAX_WEIGHTS = 4096  # arrays of a network
 MAX_NETS = 64
-_HEAP = b"GCOL\1\0\0\0"
 WEIGHTS = "weights"  # the kind of a network's arrays: see `StoredArray`
 _WEIGHT_DTYPES = tuple(np.dtype(kind) for kind in ("f2", "f4", "f8", "i8"))
 _QUANTISED = (np.dtype("i2"), np.dtype("u2"))
@@ -59,6 +56,20 @@ VALUES: dict[str, tuple[float, float | str]] = {
     "motion/local_quat": (-12, 12),
     "body/pos_m": (-_FAR_M, _FAR_M),
     "body/density": (-_FAR_M, _FAR_M),
+    "body/root_frame": (-_FAR_M * 100, _FAR_M * 100),
+    "body/speed_m_s": (0, _FAR_M * 100),
+    "body/heading_rad": (-_FAR_M, _FAR_M),
+    "body/sums": (0, _FAR_M * _FAR_M),
+    "takes/front_rad": (-4, 4),
+    "takes/centre_m": (-_FAR_M, _FAR_M),
+    "takes/tempo_bpm": (0, _FAR_M * 100),
+    "clips/steps": (0, _FAR_M),
+    "clips/step_rank": (0, 1),
+    "clips/liveliness_rank": (0, 1),
+    "genres/scale": (0, _FAR_M),
+    "genres/size_start": (0, "Z"),
+    "genres/size_stop": (0, "Z"),
+    "genres/sizes": (0, _FAR_M * _FAR_M),
     "beats/motion_s": (0, _LONG_S),
     "clips/take": (0, "<X"),
     "clips/start_frame": (0, "B"),
@@ -94,7 +105,6 @@ class StoredArray:
 
     name: str
     dtype: np.dtype
-    is_text: bool
     is_quantised: bool
     shape: tuple[int, ...]
     chunk: tuple[int, ...]  # () if it is stored in one piece
@@ -104,16 +114,16 @@ class StoredArray:
 
     @property
     def n_bytes(self) -> int:
-        """Size when unpacked. Text varies in length and is counted when it is read."""
+        """Size when unpacked."""
         return _size(self.shape) * self.dtype.itemsize
 
 
 def check_stored(array: StoredArray, kind: str) -> None:
     """Raise `RepertoireError` unless an array is complete and of a kind of the schema, or `WEIGHTS`."""
     dtypes = _stored_dtypes(array, kind)
-    found = array.is_text if kind == "s" else (not array.is_text and array.dtype in dtypes)
-    expected = " or ".join(str(dtype) for dtype in dtypes) or "text"
-    _expect(found, f"{array.name}: expected {expected}, got {'text' if array.is_text else array.dtype}")
+    expected = " or ".join(str(dtype) for dtype in dtypes)
+    _expect(array.dtype in dtypes, f"{array.name}: expected {expected}, got {array.dtype}")
+    _expect(kind != "s" or len(array.shape) == 1, f"{array.name}: expected bytes of texts, got {array.shape}")
     _expect(not array.is_elsewhere, f"{array.name}: expected it in this file, got a part of another place")
     unknown = set(array.filters) - set(FILTERS)
     _expect(
@@ -131,27 +141,6 @@ def check_stored(array: StoredArray, kind: str) -> None:
     )
 
 
-def check_text_heaps(data: bytes | mmap) -> None:
-    """Raise `RepertoireError` for a damaged heap of texts, on which HDF5 2.0 loops endlessly.
-
-    A heap is "GCOL", a version, its size, and texts, each after its number and size. Number 0 is free space,
-    up to the end of the heap.
-    """
-    at = -1
-    while (at := data.find(_HEAP, at + 1)) >= 0:
-        (size,) = struct.unpack_from("<Q", data[at + 8 : at + 16].ljust(8, b"\0"))
-        _expect(16 <= size <= len(data) - at, "expected a heap of texts in the file, got one beyond its end")
-        done = 16
-        while done + 16 <= size:
-            number, length = struct.unpack_from("<H6xQ", data, at + done)
-            done += length if number == 0 else 16 + length + -length % 8
-            _expect(
-                done == size or (number and done < size), "expected texts in their heap, got a damaged one"
-            )
-            if number == 0:
-                break
-
-
 def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
     """Raise `RepertoireError` if the arrays are larger than compression can explain for the file size."""
     n_bytes, limit = sum(array.n_bytes for array in arrays), FREE_BYTES + UNPACKED_RATIO * n_file_bytes
@@ -159,22 +148,21 @@ def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
 
 
 def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
-    """The dtypes that an array may be stored in, or none for text."""
+    """The dtypes that an array may be stored in."""
     if kind == WEIGHTS:
         return _WEIGHT_DTYPES
     if kind == "s":
-        return ()
+        return (np.dtype("u1"),)
     if array.is_quantised and array.name in QUANTISATION_STEPS:
         return _QUANTISED
     return (np.dtype(kind), *((np.dtype("f2"),) if array.name in HALF_PRECISION else ()))
 
 
-def check_text(name: str, texts: Sequence[str], n_file_bytes: int) -> None:
-    """Raise `RepertoireError` if rows of text are longer than the file, or too long for an array."""
+def check_text(name: str, texts: Sequence[str]) -> None:
+    """Raise `RepertoireError` if rows of text are too long for an array, in which each is as long."""
     longest = max(map(len, texts), default=0)
     _expect(
-        sum(map(len, texts)) <= n_file_bytes
-        and 4 * longest * len(texts) <= FREE_BYTES + UNPACKED_RATIO * n_file_bytes,
+        4 * longest * len(texts) <= FREE_BYTES + UNPACKED_RATIO * sum(map(len, texts)),
         f"{name}: expected names and notes, got {len(texts)} texts of up to {longest:,} characters",
     )
 

@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, Figure
-from choreograph.core.numerics import AnyInts, mean_ranks
-from choreograph.core.timebase import (
-    CLIP_FRAMES,
-    NET_FPS,
-    SEGMENT_FRAMES,
-    SEGMENT_S,
-    frame_times_s,
-    times_to_frames,
-)
-from choreograph.library.checks import check_counts, check_parts
+from choreograph.core.errors import RepertoireError
+from choreograph.core.numerics import AnyInts
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds, times_to_frames
+from choreograph.library.checks import check_parts
+from choreograph.library.derived import root_frame_rows
+from choreograph.library.rows import KeptBlocks
+from choreograph.library.schema import DELTA_RESTART
 from choreograph.library.store import RepertoireFile
-from choreograph.library.writing import middle_starts
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import front_rad, ground_pos_m, heading_rad, to_root_frame
-from choreograph.motion.contacts import step_counts
+from choreograph.motion.body import BODY_JOINTS, ground_pos_m
 from choreograph.motion.motion import Credits
-from choreograph.motion.motion_beats import Liveliness, mean_joint_speed_m_s
+from choreograph.motion.motion_beats import GenreSizes, liveliness_ranks, travel_and_width
 
 # The takes of a repertoire file: names, credits, ranges in the arrays, counts and figures.
 
@@ -77,22 +72,6 @@ def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
     )
 
 
-def counts_from(file: RepertoireFile, takes: Sequence[TakeInfo]) -> tuple[Counts, ...]:
-    """Each take's counts. Raises `RepertoireError` if they are not in order."""
-    columns = ("count_start", "count_stop", "metre", "counts_source", "counts_confidence")
-    times_s, numbers = file.read("counts/time_s"), file.read("counts/number")
-    uncertainty = file.read("counts/doubt").astype(np.float64) if "uncertainty" in file.parts else np.zeros(0)
-    start, stop, *about = (file.read(f"takes/{column}") for column in columns)
-    check_parts("count", start, stop, len(times_s), shortest=0)
-    counts = tuple(
-        Counts(times_s[i:j], numbers[i:j], int(metre), str(source), float(confidence), uncertainty[i:j])
-        for i, j, metre, source, confidence in zip(start, stop, *about, strict=True)
-    )
-    for take, own in zip(takes, counts, strict=True):
-        check_counts(take.name, own.times_s, own.numbers, own.metre)
-    return counts
-
-
 def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure, ...]]:
     """The figures of each take, in order. Takes without figures are left out."""
     names = ("take", "name", "start_s", "end_s", "n_counts")
@@ -101,45 +80,6 @@ def figures_from(read: Callable[[str], NDArray[Any]]) -> dict[int, tuple[Figure,
         figure = Figure(str(name), float(start_s), float(end_s), int(n_counts))
         figures.setdefault(int(take), []).append(figure)
     return {take: tuple(own) for take, own in figures.items()}
-
-
-# Liveliness and numbers of steps of clips, as ranks in their genre.
-
-
-def clip_liveliness(liveliness: Liveliness, take: AnyInts, start_frame: AnyInts) -> NDArray[np.float32]:
-    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s.
-
-    A clip is given by its take (N,) and its first frame (N,).
-    """
-    start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
-    seconds = (start + second * NET_FPS for second in range(SEGMENT_S))
-    result: NDArray[np.float32] = np.mean(
-        [liveliness.ranks(take, at, at + NET_FPS) for at in seconds], axis=0, dtype=np.float32
-    )
-    return result
-
-
-def clip_steps(
-    body_pos_m: Callable[[int], NDArray[np.floating]],
-    take: AnyInts,
-    start_frame: AnyInts,
-    genres: NDArray[np.str_],
-) -> NDArray[np.float32]:
-    """Rank (N,), 0 … 1, of the steps in each clip's middle 4 s among the clips of its genre.
-
-    `body_pos_m` returns the positions (T, 21, 3) of a take at 20 fps. `genres` (takes,) are the genres of the
-    takes. Equal clips have their mean rank.
-    """
-    steps = np.zeros(len(take))
-    for index in np.unique(take):
-        clips = np.flatnonzero(take == index)
-        starts = middle_starts(start_frame[clips])
-        steps[clips] = step_counts(body_pos_m(int(index)), NET_FPS, starts, SEGMENT_FRAMES)
-    ranks = np.empty(len(take), np.float32)
-    for name in np.unique(genres[take]):
-        inside = genres[take] == name
-        ranks[inside] = (mean_ranks(steps[inside]) - 0.5) / inside.sum()
-    return ranks
 
 
 # Poses, speeds, densities, liveliness and uncertainty of counts of clips, by frame.
@@ -151,39 +91,36 @@ _MEAN_UNCERTAINTY = 0.25
 
 
 class ClipMotion:
-    """Frames of clips at 20 fps, read on demand from the flat arrays (B, …) of all takes' frames.
+    """Frames of clips at 20 fps, of which the rows that are needed are read from the file.
 
-    `read` returns an array of the file by name. `counts` are the counts of each take. `clip_take` and
-    `clip_start_frame` (N,) say where the clips are.
+    `counts` returns the counts of a take. `clip_take` and `clip_start_frame` (N,) say where the clips are.
     """
 
     def __init__(
         self,
-        read: Callable[[str], NDArray[Any]],
+        file: RepertoireFile,
         takes: Sequence[TakeInfo],
-        counts: Sequence[Counts],
+        counts: Callable[[int], Counts],
         clip_take: AnyInts,
         clip_start_frame: AnyInts,
     ) -> None:
-        self._read = read
+        self._file = file
         self._takes = takes
         self._counts = counts
         self._clip_take = clip_take
         self._clip_start_frame = clip_start_frame
-        self._genres = [take.credits.genre for take in takes]
         self._take_rows = np.array([take.body for take in takes], np.int64)  # (takes, 2)
 
     def of_takes(self) -> ClipMotion:
         """The same features by take: take i is clip i, and its frames are those of the take."""
         n_takes = len(self._take_rows)
         return ClipMotion(
-            self._read, self._takes, self._counts, np.arange(n_takes), np.zeros(n_takes, np.int64)
+            self._file, self._takes, self._counts, np.arange(n_takes), np.zeros(n_takes, np.int64)
         )
 
     def body_pos_m(self, take: int) -> NDArray[np.float32]:
         """A take's 21 joints at 20 fps, (T, 21, 3)."""
-        start, stop = self._take_rows[take]
-        return self._body_pos_m[start:stop]
+        return self._file.read_rows("body/pos_m", *self._take_rows[take])
 
     def poses_at(self, take: AnyInts, times_s: NDArray[np.floating]) -> NDArray[np.float64]:
         """Poses (N, ..., 21, 3) of takes (N,) at times (N, ...), linear between frames, constant outside."""
@@ -193,27 +130,30 @@ class ClipMotion:
         frames = np.clip(times_to_frames(times_s, NET_FPS), 0.0, last)
         low = np.minimum(frames.astype(np.int64), np.maximum(last - 1, 0))
         weight = (frames - low)[..., None, None]
-        before = self._body_pos_m[first + low].astype(np.float64)
-        after = self._body_pos_m[first + np.minimum(low + 1, last)].astype(np.float64)
+        rows = np.stack([first + low, first + np.minimum(low + 1, last)])
+        before, after = self._file.rows("body/pos_m", rows).astype(np.float64)
         poses: NDArray[np.float64] = before * (1 - weight) + after * weight
         return poses
 
     def clip_pos_m(self, clips: AnyInts) -> NDArray[np.float32]:
         """Body positions of clips (K,) in metres, (K, 160, 21, 3)."""
-        result: NDArray[np.float32] = self._body_pos_m[
-            self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)
-        ]
-        return result
+        return self._frames("body/pos_m", clips)
 
     def density(self, clips: AnyInts) -> NDArray[np.float32]:
         """Tempo-densities of clips (K,), (K, 160)."""
-        result: NDArray[np.float32] = self._density[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
-        return result
+        return self._frames("body/density", clips)
 
     def speed(self, clips: AnyInts) -> NDArray[np.float32]:
         """Mean joint speeds of clips (K,) in m/s, (K, 160)."""
-        result: NDArray[np.float32] = self._speed[self._clip_rows[clips][:, None] + np.arange(CLIP_FRAMES)]
-        return result
+        return self._frames("body/speed_m_s", clips)
+
+    def _frames(self, name: str, clips: AnyInts) -> NDArray[np.float32]:
+        return self._file.rows(name, self._first_rows(clips)[:, None] + np.arange(CLIP_FRAMES))
+
+    def _first_rows(self, clips: AnyInts) -> NDArray[np.int64]:
+        """First row of clips (K,) in the flat arrays, (K,)."""
+        rows: NDArray[np.int64] = self._take_rows[self._clip_take[clips], 0] + self._clip_start_frame[clips]
+        return rows
 
     def poses_m(
         self, clip: AnyInts, frames: NDArray[np.floating]
@@ -223,20 +163,61 @@ class ClipMotion:
         The arguments are clips (N,) and fractional clip frames (N,). Beyond the clip, the take continues.
         Beyond the take, its first or last pose is held.
         """
-        poses, velocities = self._root_frame_poses
         first, stop = self._take_rows[self._clip_take[clip]].T
-        rows = np.clip(self._clip_rows[clip] + frames, first, stop - 1)
+        rows = np.clip(self._first_rows(clip) + frames, first, stop - 1)
         row = np.minimum(np.floor(rows).astype(np.int64), stop - 2)
-        weight = (rows - row).astype(np.float32)[:, None, None]
-        pose = poses[row] + weight * (poses[row + 1] - poses[row])
-        return pose, velocities[row] + weight * (velocities[row + 1] - velocities[row])
+        weight = (rows - row).astype(np.float32)[:, None, None, None]
+        before, after = self._root_frame(np.stack([row, row + 1]))  # (N, 2, 21, 3) each
+        both = before + weight * (after - before)
+        return both[:, 0], both[:, 1]
+
+    def _root_frame(self, rows: AnyInts) -> NDArray[np.float32]:
+        """Poses and velocities (..., 2, 21, 3) in the root frame of rows (...) of the flat arrays."""
+        if "poses" in self._file.parts:
+            return self._file.rows("body/root_frame", rows)
+        return self._made_poses.rows(rows, self._make_poses)
+
+    @cached_property
+    def _made_poses(self) -> KeptBlocks:
+        n_frames = self._file.shapes["body/pos_m"][0]
+        return KeptBlocks((n_frames, 2, len(BODY_JOINTS), 3), "f4", DELTA_RESTART, None)
+
+    def _make_poses(self, blocks: Sequence[int]) -> Iterator[NDArray[np.float32]]:
+        """Blocks of `_root_frame` of a compressed file."""
+        n_frames = self._file.shapes["body/pos_m"][0]
+        for block in blocks:
+            rows = np.arange(block * DELTA_RESTART, min((block + 1) * DELTA_RESTART, n_frames))
+            yield root_frame_rows(partial(self._file.rows, "body/pos_m"), rows, self._take_rows)
 
     def liveliness(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
     ) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, in its genre of each clip played from frame `start` to `stop` in one second."""
-        offset = self._clip_start_frame[clip]
-        return self._liveliness.ranks(self._clip_take[clip], offset + start, offset + stop)
+        offset, take = self._clip_start_frame[clip], self._clip_take[clip]
+        first, stops = self._take_rows[take].T
+        measured = travel_and_width(
+            partial(self._file.rows, "body/sums"), first, stops - 1, offset + start, offset + stop
+        )
+        return liveliness_ranks(measured, self._take_genre[take], self._genre_sizes)
+
+    @cached_property
+    def _take_genre(self) -> NDArray[np.int64]:
+        """The genre of each take as an index of those of the file, (takes,)."""
+        names = self._file.read("genres/name")
+        genres = np.array([take.credits.genre for take in self._takes])
+        index = np.minimum(np.searchsorted(names, genres), len(names) - 1)
+        if not np.array_equal(names[index], genres):
+            raise RepertoireError("genres: expected those of the takes in alphabetical order, got others")
+        return index
+
+    @cached_property
+    def _genre_sizes(self) -> list[GenreSizes]:
+        starts, stops = self._file.read("genres/size_start"), self._file.read("genres/size_stop")
+        scale, sizes = self._file.read("genres/scale"), self._file.read("genres/sizes")
+        return [
+            GenreSizes(of_genre, sizes[start:stop])
+            for of_genre, start, stop in zip(scale, starts, stops, strict=True)
+        ]
 
     def count_uncertainty(
         self, clip: AnyInts, start: NDArray[np.floating], stop: NDArray[np.floating]
@@ -246,117 +227,67 @@ class ClipMotion:
         It is 0 for counts that were not estimated from the motion. The share that is expected in the take
         follows from the confidence of its counts, and is distributed by their uncertainty.
         """
-        middle = np.round(0.5 * (start + stop)).astype(np.int64)
-        result: NDArray[np.float32] = self._uncertainty[self._clip_rows[clip] + middle]
-        return result
+        frame = self._clip_start_frame[clip] + np.round(0.5 * (start + stop)).astype(np.int64)
+        uncertainty, takes = np.zeros(len(frame), np.float32), self._clip_take[clip]
+        for take in np.unique(takes).tolist():
+            counts = self._counts(take)
+            if len(counts.uncertainty):
+                here = takes == take
+                times_s = frames_to_seconds(frame[here], NET_FPS)
+                relative = np.interp(times_s, counts.times_s, counts.uncertainty) / _MEAN_UNCERTAINTY
+                uncertainty[here] = np.minimum((1.0 - counts.confidence) * relative, 1.0)
+        return uncertainty
 
     def headings_rad(self, clip: AnyInts, frames: NDArray[np.floating]) -> NDArray[np.float32]:
         """Headings (N, M) of clips (N,) at fractional clip frames (N, M), from the front of their take.
 
         They are continuous along a take: a full turn adds 2π.
         """
-        return self._between_frames(self._headings_rad, clip, frames)
+        rows, row, beyond = self._rows_around(clip, frames)
+        before, after = self._file.rows("body/heading_rad", np.stack([row, beyond]))
+        headings_rad: NDArray[np.float32] = before + (rows - row).astype(np.float32) * (after - before)
+        return headings_rad
 
     def places_m(self, clip: AnyInts, frames: NDArray[np.floating]) -> NDArray[np.float32]:
         """Places of the pelvis on the floor (N, M, 2), x and z, at fractional clip frames (N, M).
 
         They are measured from the mean place of the take, with its front at +Z.
         """
-        return self._between_frames(self._places_m, clip, frames)
+        rows, row, beyond = self._rows_around(clip, frames)
+        take = self._clip_take[clip][:, None]
+        ground_m = ground_pos_m(
+            self._file.rows("body/pos_m", np.stack([row, beyond])).astype(np.float64)
+        )  # (2, N, M, 3)
+        turned_m = rot.rotate(rot.about_y(-self.fronts_rad[take]), ground_m - self._centres_m[take])
+        before, after = turned_m[..., [0, 2]].astype(np.float32)
+        places_m: NDArray[np.float32] = before + (rows - row).astype(np.float32)[..., None] * (after - before)
+        return places_m
 
-    def _between_frames(
-        self, values: NDArray[np.float32], clip: AnyInts, frames: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
-        """Values (B, …) of all frames, interpolated at fractional clip frames (N, M)."""
+    def _rows_around(
+        self, clip: AnyInts, frames: NDArray[np.floating]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+        """Fractional rows (N, M) of fractional clip frames (N, M), and the rows before and after them."""
         first, stop = self._take_rows[self._clip_take[clip]].T
-        rows = np.clip(self._clip_rows[clip][:, None] + frames, first[:, None], stop[:, None] - 1)
+        rows = np.clip(self._first_rows(clip)[:, None] + frames, first[:, None], stop[:, None] - 1)
         row = np.minimum(np.floor(rows).astype(np.int64), np.maximum(stop - 2, first)[:, None])
-        beyond = np.minimum(row + 1, len(values) - 1)
-        weight = (rows - row).astype(np.float32).reshape(*rows.shape, *(1,) * (values.ndim - 1))
-        result: NDArray[np.float32] = values[row] + weight * (values[beyond] - values[row])
-        return result
+        return rows, row, np.minimum(row + 1, stop[:, None] - 1)
 
     @cached_property
     def liveliness_ranks(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, of the liveliness of the middle 4 s of each clip in its genre."""
-        return clip_liveliness(self._liveliness, self._clip_take, self._clip_start_frame)
+        return self._file.read("clips/liveliness_rank")
 
     @cached_property
     def step_ranks(self) -> NDArray[np.float32]:
         """Rank (N,), 0 … 1, of the number of steps in the middle 4 s of each clip in its genre."""
-        return clip_steps(self.body_pos_m, self._clip_take, self._clip_start_frame, np.array(self._genres))
-
-    @cached_property
-    def _clip_rows(self) -> NDArray[np.int64]:
-        """First row of each clip in the flat arrays, (N,)."""
-        result: NDArray[np.int64] = self._take_rows[self._clip_take, 0] + self._clip_start_frame
-        return result
-
-    @cached_property
-    def _body_pos_m(self) -> NDArray[np.float32]:
-        return self._read("body/pos_m")
-
-    @cached_property
-    def _density(self) -> NDArray[np.float32]:
-        return self._read("body/density")
-
-    @cached_property
-    def _speed(self) -> NDArray[np.float32]:
-        """Mean joint speed, (B,)."""
-        speeds = [
-            mean_joint_speed_m_s(self.body_pos_m(take), NET_FPS) for take in range(len(self._take_rows))
-        ]
-        return np.concatenate(speeds).astype(np.float32)
-
-    @cached_property
-    def _uncertainty(self) -> NDArray[np.float32]:
-        """Expected share of wrong counts at each frame, (B,), or 0 where counts are certain."""
-        uncertainty = np.zeros(len(self._body_pos_m), np.float32)
-        for (start, stop), counts in zip(self._take_rows, self._counts, strict=True):
-            if len(counts.uncertainty):
-                times_s = frame_times_s(stop - start, NET_FPS)
-                relative = np.interp(times_s, counts.times_s, counts.uncertainty) / _MEAN_UNCERTAINTY
-                uncertainty[start:stop] = np.minimum((1.0 - counts.confidence) * relative, 1.0)
-        return uncertainty
-
-    @cached_property
-    def _liveliness(self) -> Liveliness:
-        return Liveliness([self.body_pos_m(take) for take in range(len(self._take_rows))], self._genres)
+        return self._file.read("clips/step_rank")
 
     @cached_property
     def fronts_rad(self) -> NDArray[np.float64]:
         """The direction that each take (takes,) faces most: its front."""
-        return np.array(
-            [
-                front_rad(heading_rad(self.body_pos_m(t).astype(np.float64)))
-                for t in range(len(self._take_rows))
-            ]
-        )
+        return self._file.read("takes/front_rad")
 
     @cached_property
-    def _headings_rad(self) -> NDArray[np.float32]:
-        headings = np.zeros(len(self._body_pos_m), np.float32)
-        for take, (start, stop) in enumerate(self._take_rows):
-            raw = heading_rad(self._body_pos_m[start:stop].astype(np.float64)) - self.fronts_rad[take]
-            unwrapped = np.unwrap(raw)
-            headings[start:stop] = unwrapped - 2 * np.pi * np.round(unwrapped.mean() / (2 * np.pi))
-        return headings
-
-    @cached_property
-    def _places_m(self) -> NDArray[np.float32]:
-        places = np.zeros((len(self._body_pos_m), 2), np.float32)
-        for (start, stop), own_front_rad in zip(self._take_rows, self.fronts_rad, strict=True):
-            ground_m = ground_pos_m(self._body_pos_m[start:stop].astype(np.float64))  # (T, 3)
-            turned_m = rot.rotate(rot.about_y(-own_front_rad), ground_m - ground_m.mean(axis=0))
-            places[start:stop] = turned_m[:, [0, 2]]
-        return places
-
-    @cached_property
-    def _root_frame_poses(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Every frame and its velocities in its root frame, (B, 21, 3) each."""
-        pos = self._body_pos_m.astype(np.float64)
-        velocity = np.zeros_like(pos)
-        for start, stop in self._take_rows:
-            if stop - start > 1:
-                velocity[start:stop] = np.gradient(pos[start:stop], axis=0) * NET_FPS
-        return to_root_frame(pos).astype(np.float32), to_root_frame(pos, velocity).astype(np.float32)
+    def _centres_m(self) -> NDArray[np.float64]:
+        """The mean place of the pelvis of each take on the floor, (takes, 3)."""
+        return self._file.read("takes/centre_m")

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices, frame_blocks, squared_distances
 from choreograph.core.timebase import WORD_FRAMES
-from choreograph.library.words import SUM_TOLERANCE, poses_at, template, transition_matrix
+from choreograph.library.words import SUM_TOLERANCE, template, transition_matrix
 from choreograph.motion.body import clips_to_root_frame
 
 # Motifs: clusters of embedded motion words, each represented by its medoid.
@@ -165,7 +165,7 @@ class Vocabulary:
 
     def words_of_take(self, take: int) -> Indices:
         """All words of a take in order, (M,), perhaps none."""
-        return np.flatnonzero(self.word_take == take)
+        return np.arange(*np.searchsorted(self.word_take, [take, take + 1]))  # words are ordered by take
 
 
 def make_vocabulary(
@@ -211,19 +211,17 @@ class SpanMotifLookup:
     the words that the vocabulary segmented on the beats of the take. Spans are quantised, to 0.05 s in time
     and 15 % in length, and embedded on first use: a song needs a small part of all spans.
 
-    `body_pos_m` returns positions (T, 21, 3) of a take at `fps`. `embed` returns embeddings (N, D) of words
-    (N, 13, 21, 3), as `nets.words.WordNet.embed` does.
+    `poses_at` returns poses (N, 13, 21, 3) of takes (N,) at times (N, 13). `embed` returns embeddings (N, D)
+    of words (N, 13, 21, 3), as `nets.words.WordNet.embed` does.
     """
 
     def __init__(
         self,
-        body_pos_m: Callable[[int], AnyFloats],
-        fps: float,
+        poses_at: Callable[[AnyInts, AnyFloats], Floats],
         embed: Callable[[AnyFloats], NDArray[np.float32]],
         motifs: Motifs,
     ) -> None:
-        self._body_pos_m = body_pos_m
-        self._fps = fps
+        self._poses_at = poses_at
         self._embed = embed
         self._motifs = motifs
         self._known = np.zeros(0, np.int64), np.zeros(0, np.int16)  # sorted keys, and their motifs
@@ -251,21 +249,18 @@ class SpanMotifLookup:
         takes, bins = np.divmod(keys, _STARTS * _LENGTHS)
         middle_s = bins // _LENGTHS * _START_STEP_S
         length_s = _MIN_LENGTH_S * _LENGTH_STEP ** (bins % _LENGTHS)
-        # Keys are sorted, so words stay in their order. All takes' words are embedded together.
-        words = [
-            self._words(int(take), middle_s[takes == take], length_s[takes == take])
-            for take in np.unique(takes)
-        ]
-        n_filled = -len(keys) % _AT_ONCE
-        words.append(np.zeros((n_filled, *words[0].shape[1:]), words[0].dtype))
-        batches = np.concatenate(words).reshape(-1, _AT_ONCE, *words[0].shape[1:])
-        motifs = [self._motifs.nearest(self._embed(batch)) for batch in batches]
-        return np.concatenate(motifs)[: len(keys)].astype(np.int16)
+        found = np.empty(len(keys), np.int16)
+        for batch in frame_blocks(len(keys), _AT_ONCE):
+            n_words = batch.stop - batch.start
+            words = self._words(takes[batch], middle_s[batch], length_s[batch])
+            filled = np.concatenate([words, np.zeros((_AT_ONCE - n_words, *words.shape[1:]), words.dtype)])
+            found[batch] = self._motifs.nearest(self._embed(filled))[:n_words]
+        return found
 
-    def _words(self, take: int, middle_s: AnyFloats, length_s: AnyFloats) -> AnyFloats:
-        """Words (N, 13, 21, 3) around the given middles, in their root frames."""
+    def _words(self, take: Indices, middle_s: AnyFloats, length_s: AnyFloats) -> AnyFloats:
+        """Words (N, 13, 21, 3) around the given middles in their takes (N,), in their root frames."""
         times_s = middle_s[:, None] + length_s[:, None] * np.linspace(-0.5, 0.5, WORD_FRAMES)  # (N, 13)
-        return clips_to_root_frame(poses_at(self._body_pos_m(take), self._fps, times_s))
+        return clips_to_root_frame(self._poses_at(take, times_s))
 
 
 # A vocabulary as the arrays of a repertoire file, and back with every property checked.

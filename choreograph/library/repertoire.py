@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,38 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index, as_number, check_kind, check_text
-from choreograph.core.counts import NO_COUNTS, Counts, Figure
+from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
-from choreograph.core.progress import counted, cut_line
+from choreograph.core.numerics import digest
+from choreograph.core.progress import counted, cut_line, html_table
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.checks import check_clips
-from choreograph.library.clips import ClipMotion, TakeInfo, counts_from, figures_from, takes_from
+from choreograph.library.clips import ClipMotion, TakeInfo, figures_from, takes_from
 from choreograph.library.motifs import SpanMotifLookup, Vocabulary, vocabulary_from
 from choreograph.library.notes import Note, notes_from
 from choreograph.library.schema import NetArrays, rollout_names
 from choreograph.library.store import RepertoireFile
+from choreograph.library.take_counts import TakeCounts, TakeTempi
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, roles_of
 
 if TYPE_CHECKING:
-    from choreograph.library.building.counting import MotionCounter
     from choreograph.nets.inference import WordEmbedder
     from choreograph.nets.rollout_poses import PosePredictor
-
-# A small HTML table, for notebooks.
-
-
-def html_table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]], *, max_rows: int) -> str:
-    """The table as HTML with all text escaped, and after `max_rows` rows the number of those left out."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in header)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(t)}</td>' for t in row)}</tr>" for row in rows[:max_rows])
-    if len(rows) > max_rows:
-        body += f'<tr><td colspan="{len(header)}">… and {len(rows) - max_rows:,} more</td></tr>'
-    top = f"<caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
-    return f"<table>{top}<tbody>{body}</tbody></table>"
-
 
 # `Repertoire`, an opened repertoire file with its takes, clips, motions and poses.
 
@@ -167,7 +154,7 @@ class Repertoire:
     @cached_property
     def span_motifs(self) -> SpanMotifLookup:
         """The motifs of spans of takes. Raises `RepertoireError` without motifs."""
-        return SpanMotifLookup(self.body_pos_m, NET_FPS, self.word_net().embed, self.vocabulary.motifs)
+        return SpanMotifLookup(self.clip_motion.poses_at, self.word_net().embed, self.vocabulary.motifs)
 
     @cached_property
     def _rollout_nets(self) -> dict[str, NetArrays]:
@@ -273,10 +260,6 @@ class Repertoire:
         """Motion beats in the clips' middle 4 s, (N,)."""
         return self._file.read("clips/beat_count")
 
-    @cached_property
-    def _beats_s(self) -> NDArray[np.float64]:
-        return self._file.read("beats/motion_s")
-
     @contextmanager
     def _damage_named(self) -> Iterator[None]:
         """Raise errors in the content of arrays as a `RepertoireError` that names the file."""
@@ -335,45 +318,36 @@ class Repertoire:
         return self._beats_s[start:stop]
 
     @cached_property
-    def _counts(self) -> tuple[Counts, ...]:
-        """Each take's counts."""
+    def _beats_s(self) -> NDArray[np.float64]:
+        return self._file.read("beats/motion_s")
+
+    @cached_property
+    def _counts(self) -> TakeCounts:
         with self._damage_named():
-            counts = counts_from(self._file, self.takes)
-        return tuple(known if len(known) else self._estimated_counts(i) for i, known in enumerate(counts))
+            refused = frozenset(note.subject for note in self.notes if note.kind == "refused counts")
+            return TakeCounts(self._file, [take.name for take in self.takes], refused)
 
-    def _estimated_counts(self, take: int) -> Counts:
-        """The counts of a take that a network estimates from its motion, or none if they are likely wrong.
-
-        The network is of the set that the file was built with. Counts that the build refused are not
-        estimated again.
-        """
-        from choreograph.library.building.counting import are_likely_right
-
-        info = self.takes[take]
-        if self._count_motion is None or info.name in self._refused_counts:
-            return NO_COUNTS
-        counts = self._count_motion(self._file.read("body/pos_m", slice(*info.body)))
-        return counts if are_likely_right(counts) else NO_COUNTS
+    @property
+    def take_tempi(self) -> TakeTempi:
+        """The metre, the tempo and the number of counts of each take."""
+        return self._counts.tempi
 
     @cached_property
-    def _count_motion(self) -> MotionCounter | None:
-        from choreograph.library.building.counting import load_motion_counter
-        from choreograph.library.builtin import CHOICES, pretrained_set
-
-        networks = self.provenance.get("pretrained")
-        return load_motion_counter(pretrained_set(networks)) if networks in CHOICES else None
-
-    @cached_property
-    def _refused_counts(self) -> frozenset[str]:
-        """Names of the takes whose estimated counts the build did not use."""
-        return frozenset(note.subject for note in self.notes if note.kind == "refused counts")
+    def analysis_digest(self) -> bytes:
+        """A digest of all that the analysis of a song depends on: networks, and genres and tempi of takes."""
+        nets = {name: self.net(name) for name in self.net_names if name in ("style", "music_density")}
+        genres = [take.credits.genre for take in self.takes]
+        clips = self.clip_style, self.clip_take, self.vocabulary.genres if self.has_vocabulary else ()
+        parts = [[net.config, net.weights] for net in nets.values()]
+        return digest(list(nets), parts, self.density, self.path.name, genres, self.take_tempi, *clips)
 
     def counts(self, take: int) -> Counts:
         """A take's counts, in seconds from its first frame, or `NO_COUNTS` if they are not known.
 
         Where the file has none, they are estimated from the motion, if they are more likely right than wrong.
         """
-        return self._counts[self._take(take)]
+        with self._damage_named():
+            return self._counts.of_take(self._take(take))
 
     @cached_property
     def _figures(self) -> dict[int, tuple[Figure, ...]]:
@@ -397,4 +371,4 @@ class Repertoire:
     @cached_property
     def clip_motion(self) -> ClipMotion:
         """Features of the clips by frame."""
-        return ClipMotion(self._file.read, self.takes, self._counts, self.clip_take, self.clip_start_frame)
+        return ClipMotion(self._file, self.takes, self.counts, self.clip_take, self.clip_start_frame)

@@ -23,9 +23,28 @@ FORMAT = "choreograph-repertoire"
 NETWORKS_FORMAT = "choreograph-networks"  # a file with networks of `NETS` and `provenance` alone
 VERSION = 1
 
-# path -> (kind, shape). The kinds are s (UTF-8 string), f4, f8, i4 and i8, as in h5py. Letters are axes:
+# path -> (kind, shape). The kinds are s (UTF-8 texts), f4, f8, i4 and i8, as in h5py. Letters are axes:
 # J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
-# U count, F figure.
+# U count, F figure, H genre, Z second of a genre.
+#
+# Texts are stored as bytes, each text ended by a zero. HDF5's own texts of any length lie in heaps without
+# checksums. Every array of numbers and of texts has Fletcher's checksums, which HDF5 verifies as it reads.
+DERIVED: dict[str, tuple[str, str]] = {  # from the other arrays, see `library.derived`
+    "takes/front_rad": ("f8", "X"),
+    "takes/centre_m": ("f8", "X 3"),
+    "takes/tempo_bpm": ("f8", "X"),
+    "body/speed_m_s": ("f4", "B"),
+    "body/heading_rad": ("f4", "B"),
+    "body/sums": ("f8", "B 2"),
+    "clips/steps": ("i4", "N"),
+    "clips/step_rank": ("f4", "N"),
+    "clips/liveliness_rank": ("f4", "N"),
+    "genres/name": ("s", "H"),
+    "genres/scale": ("f8", "H 2"),
+    "genres/size_start": ("i8", "H"),
+    "genres/size_stop": ("i8", "H"),
+    "genres/sizes": ("f8", "Z"),
+}
 DATASETS: dict[str, tuple[str, str]] = {
     "skeleton/names": ("s", "J"),
     "skeleton/parents": ("i8", "J"),
@@ -71,10 +90,15 @@ DATASETS: dict[str, tuple[str, str]] = {
     "figures/start_s": ("f8", "F"),
     "figures/end_s": ("f8", "F"),
     "figures/n_counts": ("i8", "F"),
+    **DERIVED,
+    "provenance": ("s", "1"),  # JSON
 }
 
 # The uncertainty of each count, if a network estimated counts from motion. Without it, all are certain.
 UNCERTAINTY: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
+
+# Poses and velocities in the root frame, if the file is not compressed. Those of one are made when read.
+POSES: dict[str, tuple[str, str]] = {"body/root_frame": ("f4", "B 2 21 3")}
 
 # The part of the body of each joint, for rigs with unknown joint names.
 ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
@@ -102,7 +126,7 @@ NOTES: dict[str, tuple[str, str]] = {
 }
 
 # Groups of datasets of which a file has all or none.
-OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES}
+OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES, "poses": POSES}
 
 # A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
 # delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), restarted every `DELTA_RESTART` rows, and
@@ -111,6 +135,19 @@ OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes
 QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
+
+
+def quantised(array: NDArray[Any], step: float) -> NDArray[np.int16] | None:
+    """The multiples of `step` nearest to the values of an array, or None if 16 bits do not hold them."""
+    if np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
+        return None
+    return np.rint(array / step).astype(np.int16)
+
+
+def dequantised(integers: NDArray[np.int16], step: float) -> NDArray[np.float32]:
+    """The values of the integers of `quantised`."""
+    values: NDArray[np.float32] = np.multiply(integers, step).astype(np.float32)
+    return values
 
 
 def delta_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
@@ -152,7 +189,7 @@ def rollout_names(names: Iterable[str]) -> tuple[str, ...]:
 
 
 # Attributes of the file itself.
-ATTRIBUTES = ("format", "version", "density", "provenance")
+ATTRIBUTES = ("format", "version", "density")
 
 
 # The content of a repertoire file as plain data.
@@ -170,7 +207,9 @@ class NetArrays:
 class Contents:
     """Everything in a repertoire file."""
 
-    arrays: Mapping[str, NDArray[Any]]  # by path: `DATASETS`, and all or none of each group of `OPTIONAL`
+    # By path: `DATASETS` without the provenance, and all or none of each group of `OPTIONAL`. Those of
+    # `DERIVED` are computed when they are written, if they are not given.
+    arrays: Mapping[str, NDArray[Any]]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
@@ -186,9 +225,15 @@ def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
 
 
 def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
-    """The lengths of the axes. Raises `RepertoireError` if a shape contradicts the schema or another one."""
+    """The lengths of the axes. Raises `RepertoireError` if a shape contradicts the schema or another one.
+
+    `shapes` are those of arrays of numbers, and may be those of texts in memory. In a file, the number of
+    texts is known when they are read.
+    """
     sizes: dict[str, int] = {}
     for name, (_, axes) in layout_of(shapes).items():
+        if name not in shapes:
+            continue
         letters, shape = axes.split(), shapes[name]
         sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
         if len(shape) != len(letters) or any(

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import mmap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, RepertoireError
 from choreograph.core.files import check_regular
-from choreograph.core.numerics import RecentItems
+from choreograph.core.numerics import AnyInts
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
+from choreograph.library.rows import KeptBlocks
 from choreograph.library.schema import (
     DELTA_RESTART,
     FORMAT,
@@ -92,11 +93,9 @@ def stored_array(file: h5py.File, name: str) -> StoredArray:
         raise RepertoireError(f"the repertoire has no {name}")
     plan = data.get_create_plist()
     layout = plan.get_layout()
-    is_text = h5py.check_string_dtype(data.dtype) is not None
     return StoredArray(
         name,
         data.dtype,
-        is_text,
         is_quantised=h5py.h5a.exists(data, b"step"),
         shape=data.shape or (),
         chunk=plan.get_chunk() if layout == h5py.h5d.CHUNKED else (),
@@ -118,16 +117,24 @@ def member_names(file: h5py.File, group: str, most: int) -> list[str]:
 
 
 def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute that is a single value, or None if it does not exist, or is an array or a reference."""
+    """An attribute that is a single number or text of fixed length, or None for anything else.
+
+    Texts of any length are in heaps, on which HDF5 2.0 loops endlessly if they are damaged.
+    """
     if name not in owner.attrs:
         return None
     header = owner.attrs.get_id(name)
-    return owner.attrs[name] if header.shape == () and header.dtype.kind in "iufbO" else None
+    return owner.attrs[name] if header.shape == () and header.dtype.kind in "iufbS" else None
+
+
+def _text_attribute(owner: h5py.Group, name: str) -> str | None:
+    value = scalar(owner, name)
+    return value.decode(errors="replace") if isinstance(value, bytes) else None
 
 
 def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
     """An attribute that is one text or whole number. Raises `RepertoireError` for anything else."""
-    value = scalar(owner, name)
+    value = _text_attribute(owner, name) if kind is str else scalar(owner, name)
     if not isinstance(value, str if kind is str else np.integer):
         raise RepertoireError(
             f"the attribute {name}: expected {kind.__name__}, got another type or no such attribute"
@@ -149,9 +156,7 @@ def from_json(text: str, what: str) -> dict[str, Any]:
 # Repertoire files and files of networks, read on demand. The module `writing` writes them.
 
 
-_TEXT_BYTES = 1 << 30  # that are read at once at most
-_CACHE_BYTES = 1 << 26  # of rows that are kept: 45 minutes of a body at 60 fps
-_FEWEST_ROWS = 512  # that are read at once. A file takes milliseconds to open
+_VERIFIED_ROWS = 1 << 16  # at once
 
 
 def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
@@ -160,24 +165,23 @@ def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
     Raises `RepertoireError` for any other file.
     """
     with opened(path, "networks") as file:
-        if attribute(file, "format", str) != NETWORKS_FORMAT:
+        if _text_attribute(file, "format") != NETWORKS_FORMAT:
             raise RepertoireError(f"{path}: expected networks, got another kind of file")
         names = member_names(file, "nets", checks.MAX_NETS)
         nets = {name: _read_net(file, name, path) for name in names}
-        provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
-        checks.check_provenance(provenance)
-        return nets, provenance
+        return nets, _read_provenance(file, path)
 
 
 class RepertoireFile:
     """An open repertoire file. Arrays are read on demand. Between reads the file is closed.
 
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
-    another version, or an array is not stored as `checks` expects. The shipped repertoire is not searched for
-    damaged heaps of texts, since that takes longer than all other checks.
+    another version, or an array is not stored as `checks` expects.
+    Opening reads headers only, and takes as long for a million clips as for a thousand. The content of arrays
+    is verified when it is read, block by block. `verify` reads everything.
     """
 
-    def __init__(self, path: Path, *, is_shipped: bool = False) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = Path(path)
         if self.path.is_dir():
             raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
@@ -185,8 +189,6 @@ class RepertoireFile:
             raise RepertoireError(
                 f"{path}: expected a repertoire, got no such repertoire: make one with `choreograph build-db`"
             )
-        if not is_shipped:
-            self._check_heaps()
         with opened(self.path, "a repertoire") as file:
             self._check_version(file)
             layout = layout_of(file)
@@ -194,26 +196,18 @@ class RepertoireFile:
             self._kinds = {name: kind for name, (kind, _) in layout.items()}
             stored = self._check_stored(file, layout)
             self.density: str = attribute(file, "density", str)
-            self.provenance = from_json(attribute(file, "provenance", str), f"{path}: provenance")
-            checks.check_provenance(self.provenance)
+            self.provenance = _read_provenance(file, self.path)
             self.net_names = self._find_nets(file)
-            self.shapes = {array.name: array.shape for array in stored}
+            self.names = tuple(layout)
+            self.shapes = {a.name: a.shape for a in stored if self._kinds[a.name] != "s"}  # of numbers
             self._sizes = axis_sizes(self.shapes)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
-            self._blocks: RecentItems[NDArray[Any]] = RecentItems(_CACHE_BYTES)
-
-    def _check_heaps(self) -> None:
-        with (
-            file_named(self.path, "a repertoire"),
-            open(self.path, "rb") as file,
-            mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
-        ):
-            checks.check_text_heaps(data)
+            self._kept: dict[str, KeptBlocks] = {}
 
     def _check_version(self, file: h5py.File) -> None:
-        kind = file.attrs.get("format")
-        if not isinstance(kind, str) or kind != FORMAT:
-            got = f"{kind!r}"[:40].replace("\n", " ")
+        kind = _text_attribute(file, "format")
+        if kind != FORMAT:
+            got = "none" if kind is None else f"{kind!r}"[:40]
             raise RepertoireError(
                 f"{self.path}: expected a repertoire, got an HDF5 file of another kind ({got})"
             )
@@ -225,7 +219,7 @@ class RepertoireFile:
             )
 
     def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
-        for group in dict.fromkeys(name.split("/")[0] for name in layout):
+        for group in dict.fromkeys(name.split("/")[0] for name in layout if "/" in name):
             check_link(file, group)
         stored = [stored_array(file, name) for name in layout]
         for array, (kind, _) in zip(stored, layout.values(), strict=True):
@@ -247,30 +241,56 @@ class RepertoireFile:
         with opened(self.path, "a repertoire") as file:
             data = file[name]
             if self._kinds[name] == "s":
-                return _read_text(data, part, self.path.stat().st_size)
-            array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
-            checks.check_values(name, array, self._sizes)
-            return array
+                return _read_texts(data)[part]
+            return self._numbers(data, name, part)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All arrays by path, as `schema.Contents` holds them."""
+        return {name: self.read(name) for name in self.names if name != "provenance"}
+
+    def _numbers(self, data: h5py.Dataset, name: str, part: slice) -> NDArray[Any]:
+        array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
+        checks.check_values(name, array, self._sizes)
+        return array
 
     def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
-        """Rows `start` to `stop` of an array of numbers, read-only, in blocks that are kept for later calls.
+        """Rows `start` to `stop` of an array of numbers, as `rows` reads them."""
+        return self.rows(name, np.arange(start, min(stop, self.shapes[name][0])))
+
+    def rows(self, name: str, rows: AnyInts) -> NDArray[Any]:
+        """Rows (...) of an array of numbers by index. Blocks that were read lately are kept.
 
         Raises as `read` does. A file that was replaced is read again.
         """
-        n_rows = self._block_rows[name]
         with file_named(self.path, "a repertoire"):
             status = self.path.stat()
-        parts = []
-        for index in range(start // n_rows, max(start, stop - 1) // n_rows + 1):
-            first = index * n_rows
-            key = name, index, status.st_mtime_ns, status.st_size, status.st_ino
-            block = self._blocks.get(key)
-            if block is None:
-                block = self.read(name, slice(first, first + n_rows))
-                block.flags.writeable = False
-                self._blocks.keep(key, block, block.nbytes)
-            parts.append(block[max(start - first, 0) : max(stop - first, 0)])
-        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+        kept = self._kept.get(name)
+        state = status.st_mtime_ns, status.st_size, status.st_ino
+        if kept is None or kept.state != state:
+            kept = self._kept[name] = KeptBlocks(
+                self.shapes[name], self._kinds[name], self._block_rows[name], state
+            )
+        return kept.rows(rows, partial(self._blocks, name))
+
+    def _blocks(self, name: str, blocks: Sequence[int]) -> Iterator[NDArray[Any]]:
+        n_rows = self._block_rows[name]
+        with opened(self.path, "a repertoire") as file:
+            data = file[name]
+            for block in blocks:
+                yield self._numbers(data, name, slice(block * n_rows, (block + 1) * n_rows))
+
+    def verify(self, report: Callable[[int, int], None] | None = None) -> None:
+        """Read all arrays and networks. Raises `RepertoireError` if one is damaged."""
+        for index, name in enumerate(self.names):
+            if name not in self.shapes:
+                self.read(name)
+            else:
+                for start in range(0, self.shapes[name][0], _VERIFIED_ROWS):
+                    self.read(name, slice(start, start + _VERIFIED_ROWS))
+            if report is not None:
+                report(index + 1, len(self.names))
+        for name in self.net_names:
+            self.read_net(name)
 
     def read_net(self, name: str) -> NetArrays:
         """A network's config and weights. Raises `RepertoireError` if the file has none of that name."""
@@ -282,13 +302,10 @@ class RepertoireFile:
 
 
 def _block_rows(array: StoredArray) -> int:
-    """The rows of an array that are read at once: whole chunks, unless they are too large to be kept."""
+    """The rows of an array that are read at once: those of a chunk, which has one checksum."""
     if array.is_quantised:
         return DELTA_RESTART
-    chunk = array.chunk[0] if array.chunk else 1
-    n_rows = chunk * max(1, _FEWEST_ROWS // chunk)
-    n_bytes = n_rows * array.n_bytes // max(1, array.shape[0] if array.shape else 1)
-    return n_rows if n_bytes <= _CACHE_BYTES // 4 else _FEWEST_ROWS
+    return array.chunk[0] if array.chunk else max(1, array.shape[0] if array.shape else 1)
 
 
 def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
@@ -316,15 +333,25 @@ def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.fl
     return result
 
 
-def _read_text(data: h5py.Dataset, part: slice, n_file_bytes: int) -> NDArray[np.str_]:
-    """Rows of text, with a limit on their total size, since many rows may refer to one long text."""
-    first, stop, _ = part.indices(len(data))
-    n_rows = max(1, _TEXT_BYTES // n_file_bytes)  # at once: none is longer than the file
-    texts: list[str] = []
-    for row in range(first, stop, n_rows):
-        texts.extend(data.asstr()[row : min(row + n_rows, stop)])
-        checks.check_text(data.name, texts, n_file_bytes)
+def _read_texts(data: h5py.Dataset) -> NDArray[np.str_]:
+    """Texts (N,), which are stored as bytes with a zero after each. There is a limit on their total size."""
+    content = data[()].tobytes()
+    if content and content[-1]:
+        raise RepertoireError(f"{data.name}: expected texts with a zero after each, got others")
+    try:
+        texts = content.decode().split("\0")[:-1]
+    except UnicodeDecodeError:
+        raise RepertoireError(f"{data.name}: expected texts in UTF-8, got others") from None
+    checks.check_text(data.name, texts)
     return np.array(texts, dtype=np.str_)
+
+
+def _read_provenance(file: h5py.File, path: Path) -> dict[str, Any]:
+    checks.check_stored(stored_array(file, "provenance"), "s")
+    texts = _read_texts(file["provenance"])
+    provenance = from_json(str(texts[0]) if len(texts) == 1 else "", f"{path}: provenance")
+    checks.check_provenance(provenance)
+    return provenance
 
 
 def _to_single(weight: NDArray[Any]) -> NDArray[Any]:

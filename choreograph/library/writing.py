@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from choreograph.core.errors import RepertoireError
 from choreograph.core.files import atomic_path
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
+from choreograph.library.derived import middle_starts, with_derived
 from choreograph.library.schema import (
     DELTA_ORDER,
     DELTA_RESTART,
+    DERIVED,
     FORMAT,
     HALF_PRECISION,
     NETS,
@@ -30,6 +32,7 @@ from choreograph.library.schema import (
     delta_encode,
     layout_of,
     net_names_in,
+    quantised,
 )
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import STYLE_DIM
@@ -55,11 +58,6 @@ ClipDensity = Callable[[MeasuredTake], NDArray[np.float32]]
 def clip_starts(n_frames: int) -> NDArray[np.int64]:
     """First frames of a take's clips at 20 fps, one every second, as long as 8 s remain."""
     return np.arange(0, max(0, n_frames - CLIP_FRAMES + 1), NET_FPS, dtype=np.int64)
-
-
-def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
-    """First frames of the clips' middle 4 s, the part that style vectors describe."""
-    return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
 
 
 def to_arrays(
@@ -156,9 +154,14 @@ def _clip_arrays(takes: Sequence[MeasuredTake], embed_motion: EmbedMotion | None
 # Writing of repertoire files and of files of networks.
 
 
+# Of HDF5's layouts. From this one on, headers and indices have checksums, too, and take less room.
+_LIBVER = ("v110", "v110")
 _MIN_GZIP_SIZE = 4096  # values. Compressing fewer saves nothing
-_CHUNK_BYTES = 1 << 18  # of frames that are compressed together: 11 s of a body at 60 fps, read in 2 ms
-_OF_FRAMES = ("motion/", "body/")  # arrays of which a dance reads some frames, with all their joints
+_CHUNK_BYTES = 1 << 18  # of arrays that are read in long parts: 11 s of a body at 60 fps, unpacked in 2 ms
+# Arrays of which a dance reads some rows here and there. They are not compressed, and HDF5 reads, and checks,
+# as many bytes at once.
+_BY_ROWS = {"body/pos_m": 1 << 15, "body/root_frame": 1 << 15, "body/sums": 1 << 13}
+_BY_ROWS |= dict.fromkeys(("body/density", "body/speed_m_s", "body/heading_rad"), 1 << 12)
 
 
 def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
@@ -169,20 +172,20 @@ def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) 
     missing or does not match the schema, and `ParameterError` if the folder does not exist.
     """
     _check(contents)
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
-        file.attrs["format"] = FORMAT
+    arrays = with_derived(contents.arrays, compress=compress)
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=_LIBVER, track_order=False) as file:
+        file.attrs["format"] = np.bytes_(FORMAT)
         file.attrs["version"] = VERSION
-        file.attrs["density"] = contents.density
-        file.attrs["provenance"] = json.dumps(contents.provenance, sort_keys=True)
-        for name, (kind, _) in layout_of(contents.arrays).items():
-            array = np.asarray(contents.arrays[name])
+        file.attrs["density"] = np.bytes_(contents.density)
+        arrays["provenance"] = np.array([json.dumps(contents.provenance, sort_keys=True)])
+        for name, (kind, _) in layout_of(arrays).items():
+            array = np.asarray(arrays[name])
             if kind == "s":
-                array = np.array([str(text) for text in array], dtype=object)
-                file.create_dataset(name, data=array, dtype=h5py.string_dtype(), track_times=False)
+                write_texts(file, name, array)
                 continue
             kind = "f2" if compress and name in HALF_PRECISION else kind
             step = QUANTISATION_STEPS.get(name) if compress else None
-            _write_numbers(file, name, array.astype(kind), step)
+            _write_numbers(file, name, array.astype(kind), step, compress=compress)
         _write_nets(file, contents.nets, compress=compress)
 
 
@@ -191,14 +194,22 @@ def write_networks(path: Path, nets: Mapping[str, NetArrays], provenance: Mappin
 
     The bytes depend on the arguments alone. Raises `ParameterError` if the folder does not exist.
     """
-    with atomic_path(path) as temporary, h5py.File(temporary, "w", track_order=False) as file:
-        file.attrs["format"] = NETWORKS_FORMAT
-        file.attrs["provenance"] = json.dumps(provenance, sort_keys=True)
+    with atomic_path(path) as temporary, h5py.File(temporary, "w", libver=_LIBVER, track_order=False) as file:
+        file.attrs["format"] = np.bytes_(NETWORKS_FORMAT)
+        write_texts(file, "provenance", np.array([json.dumps(provenance, sort_keys=True)]))
         _write_nets(file, nets, compress=True)
 
 
+def write_texts(file: h5py.Group, name: str, texts: NDArray[Any]) -> None:
+    """Write texts as bytes, each ended by a zero. Zeros inside of texts are left out."""
+    content = "".join(f"{str(text).replace(chr(0), '')}\0" for text in texts).encode()
+    stored = np.frombuffer(content, np.uint8)
+    options = _gzip(9) if stored.size > _MIN_GZIP_SIZE else {}
+    _create(file, name, stored, **options)
+
+
 def _check(contents: Contents) -> None:
-    expected = layout_of(contents.arrays)
+    expected = [name for name in layout_of(contents.arrays) if name not in (*DERIVED, "provenance")]
     missing = [name for name in expected if name not in contents.arrays]
     if missing:
         raise RepertoireError(f"expected all arrays of a repertoire, got no {', '.join(missing)}")
@@ -211,31 +222,49 @@ def _check(contents: Contents) -> None:
 def _write_nets(file: h5py.File, nets: Mapping[str, NetArrays], *, compress: bool) -> None:
     for name, net in sorted(nets.items()):
         group = file.create_group(f"nets/{name}")
-        group.attrs["config"] = json.dumps(net.config, sort_keys=True)
+        group.attrs["config"] = np.bytes_(json.dumps(net.config, sort_keys=True))
         for weight, array in sorted(net.weights.items()):
             array = np.asarray(array, np.float16) if compress else np.asarray(array)
             options = _gzip(9) if compress and array.size > _MIN_GZIP_SIZE else {}
-            group.create_dataset(weight, data=array, track_times=False, **options)
+            _create(group, weight, array, **options)
 
 
 def _gzip(level: int) -> dict[str, Any]:
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
-def _write_numbers(file: h5py.File, name: str, array: NDArray[Any], step: float | None) -> None:
+def _create(file: h5py.Group, name: str, array: NDArray[Any], **options: Any) -> h5py.Dataset:
+    """Write an array with a checksum for each chunk, which HDF5 verifies when it reads it."""
+    if array.size == 0 or array.ndim == 0:  # there is no chunk
+        return file.create_dataset(name, data=array, track_times=False)
+    if "chunks" not in options and "compression" not in options:
+        options["chunks"] = _chunk(array, _CHUNK_BYTES)
+    return file.create_dataset(name, data=array, track_times=False, fletcher32=True, **options)
+
+
+def _chunk(array: NDArray[Any], n_bytes: int) -> tuple[int, ...]:
+    """The shape of chunks of whole rows with at most this size, if a row is not larger."""
+    n_rows = max(1, n_bytes * len(array) // array.nbytes)
+    return (min(len(array), n_rows), *array.shape[1:])
+
+
+def _write_numbers(
+    file: h5py.File, name: str, array: NDArray[Any], step: float | None, *, compress: bool
+) -> None:
     """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
-    options = _gzip(1) if array.size > _MIN_GZIP_SIZE else {}
-    if options and name.startswith(_OF_FRAMES):
-        n_frames = max(1, _CHUNK_BYTES * len(array) // array.nbytes)
-        options["chunks"] = (min(len(array), n_frames), *array.shape[1:])
-    if step is None or np.abs(array).max(initial=0.0) > np.iinfo(np.int16).max * step:
-        file.create_dataset(name, data=array, track_times=False, **options)
-        return
-    if options:
+    integers = None if step is None else quantised(array, step)
+    if integers is not None and step is not None:
         # One column per chunk: values are similar in time, but not between joints, and the file is a fifth
-        # smaller. All columns of 8,192 frames are read together (`RepertoireFile.read_rows`), in 10 ms.
+        # smaller. All columns of 8,192 frames are read together (`RepertoireFile.rows`), in 10 ms.
         chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
-        options = {**_gzip(9), "chunks": chunk}
-    integers = np.rint(array / step).astype(np.int16)
-    data = file.create_dataset(name, data=delta_encode(integers), track_times=False, **options)
-    data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)
+        options = {**_gzip(9), "chunks": chunk} if array.size > _MIN_GZIP_SIZE else {}
+        data = _create(file, name, delta_encode(integers), **options)
+        data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)
+        return
+    if array.size <= _MIN_GZIP_SIZE:
+        options = {}
+    elif name in _BY_ROWS and not compress:
+        options = {"chunks": _chunk(array, _BY_ROWS[name])}
+    else:
+        options = {**_gzip(9 if compress else 1), "chunks": _chunk(array, _CHUNK_BYTES)}
+    _create(file, name, array, **options)

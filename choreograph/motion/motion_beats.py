@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, Floats, Indices
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices
 from choreograph.core.timebase import NET_FPS, frames_to_seconds
 
 # Motion beats: local minima of mean joint speed.
@@ -117,58 +118,24 @@ _WIDTH_SHARE = 0.5  # weight of a standard deviation of width, relative to one o
 _LEAST_SPREAD_M = 1e-3  # smaller differences between takes are ignored
 
 
-class Liveliness:
-    """Ranks of any seconds of takes by the travel of the joints and the width of the body.
+_MOST_SIZES = 1 << 16  # of a genre that are kept: of more, evenly many
 
-    Travel is the mean of the joints' path lengths in the world. Width is the mean of their distances from the
-    vertical through the pelvis. Both are read from sums up to each frame, so a second may begin anywhere and
-    be played at any speed.
+
+@dataclass(frozen=True, eq=False)
+class GenreSizes:
+    """The sizes of the recorded seconds of a genre, with which other seconds are compared.
+
+    The size of a second grows with the travel of its joints and the width of the body. Travel is the mean of
+    the joints' path lengths in the world. Width is the mean of their distances from the vertical through the
+    pelvis.
     """
 
-    def __init__(self, body_pos_m: Sequence[AnyFloats], genres: Sequence[str]) -> None:
-        """Prepare takes with positions (T, 21, 3) at 20 fps, each of a genre."""
-        self._first = np.cumsum([0, *(len(pos) for pos in body_pos_m)])  # (takes + 1,) rows of the sums
-        self._genres = np.array(genres)
-        self._sums = np.concatenate([np.zeros((0, 2)), *map(_sums, body_pos_m)])  # (B, 2)
-        self._scale: dict[str, AnyFloats] = {}  # (2,) by genre
-        self._sizes: dict[str, AnyFloats] = {}  # of all its seconds as recorded, in increasing order
-        for genre in np.unique(self._genres):
-            takes = np.flatnonzero(self._genres == genre).tolist()
-            start = np.concatenate([np.arange(max(0, len(body_pos_m[i]) - NET_FPS)) for i in takes])
-            of_take = np.repeat(takes, [max(0, len(body_pos_m[i]) - NET_FPS) for i in takes])
-            measured = self._travel_and_width(of_take, start, start + NET_FPS)
-            spread = measured.std(axis=0) if len(measured) else np.zeros(2)
-            self._scale[genre] = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
-            self._sizes[genre] = np.sort(measured @ self._scale[genre])
-
-    def ranks(self, take: NDArray[np.integer], start: AnyFloats, stop: AnyFloats) -> NDArray[np.float32]:
-        """Share (N,), 0 … 1, of the recorded seconds of the genre that are smaller than each of these.
-
-        `start` and `stop` (N,) are the frames at 20 fps of the takes (N,) that bound each second of the
-        dance.
-        """
-        measured = self._travel_and_width(take, start, stop)
-        ranks = np.full(len(take), 0.5, np.float32)
-        genres = self._genres[take]
-        for genre, sizes in self._sizes.items():
-            here = genres == genre
-            if len(sizes) and here.any():
-                ranks[here] = np.searchsorted(sizes, measured[here] @ self._scale[genre]) / len(sizes)
-        return ranks
-
-    def _travel_and_width(self, take: NDArray[np.integer], start: AnyFloats, stop: AnyFloats) -> AnyFloats:
-        """Travel in metres, as danced in one second, and mean width in metres, (N, 2)."""
-        first, last = self._first[take], self._first[take + 1] - 1
-        rows = np.clip(first + np.stack([start, stop]), first, last)  # (2, N)
-        low = rows.astype(np.int64)
-        share = (rows - low)[..., None]
-        at = (1 - share) * self._sums[low] + share * self._sums[np.minimum(low + 1, last)]  # (2, N, 2)
-        travel_m, width_m_s = (at[1] - at[0]).T
-        return np.stack([travel_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
+    scale: Floats  # (2,) of travel in metres and of width in metres
+    sizes: Floats  # (Z,) in increasing order
 
 
-def _sums(body_pos_m: AnyFloats) -> AnyFloats:
-    """Travel and width × time of a take up to every frame, (T, 2) in m and m s."""
+def travel_and_width_sums(body_pos_m: AnyFloats) -> AnyFloats:
+    """Travel and width × time of a take (T, 21, 3) up to every frame, (T, 2) in m and m s."""
     pos = np.asarray(body_pos_m, np.float64)
     across = (pos - pos[:, :1])[..., [0, 2]]
     per_frame = np.stack(
@@ -176,3 +143,55 @@ def _sums(body_pos_m: AnyFloats) -> AnyFloats:
     )  # (T, 2)
     between = 0.5 * (per_frame[:-1] + per_frame[1:]) / NET_FPS
     return np.concatenate([np.zeros((min(1, len(pos)), 2)), np.cumsum(between, axis=0)])
+
+
+def travel_and_width(
+    read_sums: Callable[[AnyInts], AnyFloats],
+    first_row: AnyInts,
+    last_row: AnyInts,
+    start: AnyFloats,
+    stop: AnyFloats,
+) -> AnyFloats:
+    """Travel in metres, as danced in one second, and mean width in metres, (N, 2).
+
+    `start` and `stop` (N,) are the frames at 20 fps of takes that bound each second of the dance. The takes
+    have the rows `first_row` to `last_row` (N,), of which `read_sums` returns the sums.
+    """
+    rows = np.clip(first_row + np.stack([start, stop]), first_row, last_row)  # (2, N)
+    low = rows.astype(np.int64)
+    share = (rows - low)[..., None]
+    sums = read_sums(np.stack([low, np.minimum(low + 1, last_row)]))  # (2, 2, N, 2)
+    at = (1 - share) * sums[0] + share * sums[1]  # (2, N, 2)
+    travel_m, width_m_s = (at[1] - at[0]).T
+    return np.stack([travel_m, width_m_s * NET_FPS / np.maximum(rows[1] - rows[0], 1e-6)], axis=1)
+
+
+def genre_sizes(sums: Sequence[AnyFloats]) -> GenreSizes:
+    """The sizes of all seconds of a genre as recorded, from the sums (T, 2) of its takes."""
+    measured = np.concatenate([np.zeros((0, 2)), *(_recorded(of_take) for of_take in sums)])
+    spread = measured.std(axis=0) if len(measured) else np.zeros(2)
+    scale = np.array([1.0, _WIDTH_SHARE]) / np.maximum(spread, _LEAST_SPREAD_M)
+    sizes = np.sort(measured @ scale)
+    if len(sizes) > _MOST_SIZES:
+        sizes = sizes[np.linspace(0, len(sizes) - 1, _MOST_SIZES).round().astype(np.int64)]
+    return GenreSizes(scale, sizes)
+
+
+def _recorded(sums: AnyFloats) -> AnyFloats:
+    """Travel and width of the second from each frame of a take (T, 2) on that has a second after it."""
+    start = np.arange(max(0, len(sums) - NET_FPS), dtype=np.float64)
+    rows = np.zeros(len(start), np.int64)
+    return travel_and_width(lambda at: sums[at], rows, rows + len(sums) - 1, start, start + NET_FPS)
+
+
+def liveliness_ranks(measured: AnyFloats, genre: AnyInts, sizes: Sequence[GenreSizes]) -> NDArray[np.float32]:
+    """Share (N,), 0 … 1, of the recorded seconds of its genre (N,) that are smaller than each second (N, 2).
+
+    `genre` are indices of `sizes`. Without recorded seconds, it is 0.5.
+    """
+    ranks = np.full(len(measured), 0.5, np.float32)
+    for index in np.unique(genre):
+        here, known = genre == index, sizes[index]
+        if len(known.sizes):
+            ranks[here] = np.searchsorted(known.sizes, measured[here] @ known.scale) / len(known.sizes)
+    return ranks

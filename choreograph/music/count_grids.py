@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -196,6 +197,18 @@ class TakeGrids:
                 known = slice(self.start[take] + _PADDING, self.start[take] + lengths[take] - _PADDING)
                 self.accent_shift_s[known] = accent_shifts_s(motion_beats_s[take], self.times_s[known])
 
+    def among(self, takes: NDArray[np.integer], n_takes: int) -> TakeGrids:
+        """The grids of takes that have other numbers (M,) among `n_takes`. The others have no counts."""
+        every = copy(self)
+        every.counted, every.start = np.zeros(n_takes, bool), np.zeros(n_takes, np.int64)
+        every.n_counts = np.ones(n_takes, np.int64)
+        every.counted[takes], every.start[takes], every.n_counts[takes] = (
+            self.counted,
+            self.start,
+            self.n_counts,
+        )
+        return every
+
     def count_s(self, take: NDArray[np.integer], index: Floats) -> Floats:
         """Times in their takes (K, T) at fractional count indices (K, T)."""
         last = (self.start + self.n_counts - 1)[take][:, None]
@@ -212,9 +225,10 @@ class TakeGrids:
     def index_at(self, take: NDArray[np.integer], times_s: Floats) -> Floats:
         """Fractional count indices (N,) of times (N,) in their takes."""
         index = np.empty(len(take))
-        for one in np.unique(take):
+        order = np.argsort(take, kind="stable")
+        ones, firsts = np.unique(take[order], return_index=True)
+        for one, here in zip(ones.tolist(), np.split(order, firsts[1:]), strict=True):
             rows = slice(self.start[one], self.start[one] + self.n_counts[one])
-            here = take == one
             index[here] = np.interp(times_s[here], self.times_s[rows], np.arange(self.n_counts[one]))
         return index
 

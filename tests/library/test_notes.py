@@ -13,7 +13,7 @@ import pytest
 from command_line import assert_one_line, run
 from hypothesis import given
 from hypothesis import strategies as st
-from synthetic_repertoire import synthetic_contents, synthetic_takes
+from synthetic_repertoire import put_texts, synthetic_contents, synthetic_takes
 
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.library.notes import KINDS, MAX_LINES, Note, note_arrays, notes_from, summary
@@ -123,7 +123,7 @@ def test_a_repertoire_has_the_notes_of_its_build_or_none(path, tmp_path):
 )  # fmt: skip
 def test_a_note_that_is_not_valid_is_refused_when_it_is_read(path, name, text):
     with h5py.File(path, "r+") as file:
-        file[name][0] = text
+        put_texts(file, name, [text, *(["{}"] * 9)][: len(NOTES)])
     repertoire = Repertoire.open(path)
     assert repertoire.takes
     with pytest.raises(RepertoireError, match="note 0"):

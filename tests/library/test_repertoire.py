@@ -10,8 +10,9 @@ import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes
 
 from choreograph.core.errors import ParameterError, RepertoireError
+from choreograph.library.derived import middle_starts
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.writing import clip_starts, middle_starts, write_repertoire
+from choreograph.library.writing import clip_starts, write_repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, ground_pos_m, heading_rad, to_root_frame
 from choreograph.motion.contacts import CONTACT_JOINTS

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from synthetic_motions import stepping
@@ -15,6 +14,7 @@ from choreograph.formats.register import import_takes, save_motion
 from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.store import RepertoireFile
 
 _QUICK = BuildOptions(preset="tiny", words=False, pretrained="nothing", allow_outside=True)
 
@@ -41,8 +41,7 @@ def test_the_bytes_do_not_depend_on_how_a_source_was_typed(takes, tmp_path, monk
         contents.append(built.path.read_bytes())
     assert len(set(contents)) == 1
     assert os.fsencode(tmp_path.parent) not in contents[0]
-    with h5py.File(tmp_path / "0.h5") as file:
-        paths = file["sources/path"].asstr()[...].tolist()
+    paths = RepertoireFile(tmp_path / "0.h5").read("sources/path").tolist()
     assert paths == ["walk.bvh", "clicks.wav", "walk.counts.csv"]
 
 
@@ -64,7 +63,6 @@ def test_folders_of_the_same_data_give_the_same_credits(tmp_path, monkeypatch):
 
 
 def test_the_shipped_repertoire_says_nothing_of_a_machine():
-    with h5py.File(STARTER_PATH) as file:
-        paths = file["sources/path"].asstr()[...].tolist()
+    paths = RepertoireFile(STARTER_PATH).read("sources/path").tolist()
     assert paths and all("/" not in path for path in paths)
     assert b"/takes/" not in STARTER_PATH.read_bytes()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.library.motifs import SpanMotifLookup, find_motifs
-from choreograph.library.words import segment_words
+from choreograph.library.words import poses_at, segment_words
 
 
 def body_of(seed: int, n_frames: int = 600) -> np.ndarray:
@@ -30,9 +30,16 @@ def labelled_takes():
     return takes, motifs, labels
 
 
+def poses_of(takes):
+    """Poses of takes (N,) at times (N, T)."""
+    return lambda take, times_s: np.stack(
+        [poses_at(takes[one], 20.0, times) for one, times in zip(take.tolist(), times_s, strict=True)]
+    )
+
+
 def test_spans_have_the_motifs_of_the_words_segmented_there(labelled_takes):
     takes, motifs, labels = labelled_takes
-    spans = SpanMotifLookup(takes.__getitem__, 20.0, embed, motifs)
+    spans = SpanMotifLookup(poses_of(takes), embed, motifs)
     start_s = np.tile(np.arange(0, 28.5, 0.5), 2)
     take = np.repeat([0, 1], 57)
     found = spans.motifs_of(take, start_s, start_s + 0.5)
@@ -49,7 +56,7 @@ def test_a_span_is_embedded_only_once(labelled_takes):
         embedded.append(len(words))
         return embed(words)
 
-    spans = SpanMotifLookup(takes.__getitem__, 20.0, counting, motifs)
+    spans = SpanMotifLookup(poses_of(takes), counting, motifs)
     take = np.array([0, 1, 0, 1])
     first = spans.motifs_of(take, np.array([3.0, 3.0, 3.0, 9.0]), np.array([3.5, 3.5, 3.5, 9.7]))
     assert len(embedded) == 1  # a batch of a fixed size
@@ -63,7 +70,7 @@ def test_a_span_is_embedded_only_once(labelled_takes):
 
 def test_any_shape_and_spans_beyond_the_ends(labelled_takes):
     takes, motifs, _ = labelled_takes
-    spans = SpanMotifLookup(takes.__getitem__, 20.0, embed, motifs)
+    spans = SpanMotifLookup(poses_of(takes), embed, motifs)
     start_s = np.array([[-3.0, 29.9], [40.0, 12.0]])
     found = spans.motifs_of(np.array([[0, 1], [1, 0]]), start_s, start_s + 0.6)
     assert found.shape == (2, 2)

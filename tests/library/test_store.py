@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts
+from synthetic_repertoire import put_texts, synthetic_contents, synthetic_takes, with_counts
 
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.library import checks
@@ -19,10 +19,12 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import (
     ATTRIBUTES,
     DATASETS,
+    DERIVED,
     FORMAT,
     HALF_PRECISION,
     NETS,
     OPTIONAL,
+    POSES,
     QUANTISATION_STEPS,
     UNCERTAINTY,
     VERSION,
@@ -97,22 +99,24 @@ def test_a_file_is_laid_out_as_published(path):
     with h5py.File(path) as file:
         found = []
         file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
-        assert {name for name in found if not name.startswith("nets/")} == set(WITHOUT_MOTIFS)
+        assert {name for name in found if not name.startswith("nets/")} == {*WITHOUT_MOTIFS, *POSES}
         assert set(file.attrs) == set(LAYOUT["attributes"])
         sizes: dict[str, int] = {}
         for name, entry in WITHOUT_MOTIFS.items():
             data = file[name]
-            is_text = h5py.check_string_dtype(data.dtype) is not None
-            assert is_text if entry["kind"] == "s" else data.dtype == np.dtype(entry["kind"]), name
-            assert data.ndim == len(entry["axes"]), name
+            if entry["kind"] == "s":
+                assert data.dtype == np.uint8 and data.ndim == 1, name
+                continue
+            assert data.dtype == np.dtype(entry["kind"]) and data.ndim == len(entry["axes"]), name
+            assert data.fletcher32 or data.size == 0, name
             for axis, size in zip(entry["axes"], data.shape, strict=True):
                 assert sizes.setdefault(axis, int(axis) if axis.isdigit() else size) == size, name
 
 
 def test_written_contents_are_read_back(path, contents):
     file = RepertoireFile(path)
-    for name, (kind, _) in DATASETS.items():
-        expected = np.asarray(contents.arrays[name])
+    for name in contents.arrays:
+        kind, expected = DATASETS[name][0], np.asarray(contents.arrays[name])
         read = file.read(name)
         assert np.array_equal(read, expected if kind == "s" else expected.astype(kind)), name
         assert np.array_equal(file.read(name, slice(1, 2)), read[1:2]), name
@@ -201,7 +205,7 @@ def test_damage_inside_a_file_is_reported(path, tmp_path, damage):
     copy.write_bytes(path.read_bytes())
     with h5py.File(copy, "a") as file:
         if damage == "provenance":
-            file.attrs["provenance"] = "{not json"
+            put_texts(file, "provenance", ["{not json"])
         elif damage == "shape":
             del file["clips/style"]
             file["clips/style"] = np.zeros((2, 32), np.float32)
@@ -231,7 +235,7 @@ def test_opening_a_file_reads_no_array(path, monkeypatch):
     monkeypatch.setattr(h5py.Dataset, "__getitem__", counting)
     repertoire = Repertoire.open(path)
     assert repertoire.n_clips == 15
-    assert read == []
+    assert read == ["/provenance"]
     motion, _ = repertoire.motion(1, 2.0, 3.0)
     assert motion.n_frames < 40
     assert not any(name.startswith("/body") for name in read)
@@ -241,7 +245,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
     small = tmp_path / "compressed.h5"
     write_repertoire(small, contents, compress=True)
     n_bytes = sum(array.nbytes for array in contents.arrays.values())
-    assert small.stat().st_size < min(0.075 * n_bytes, path.stat().st_size)
+    assert small.stat().st_size < min(0.1 * n_bytes, path.stat().st_size)
     whole, compressed = RepertoireFile(path), RepertoireFile(small)
     for name, (_kind, _) in DATASETS.items():
         a, b = whole.read(name), compressed.read(name)
@@ -251,6 +255,8 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
             for part in (slice(3, 9), slice(0, 0), slice(len(b) - 2, len(b)), slice(100, 240)):
                 np.testing.assert_array_equal(compressed.read(name, part), b[part])
         else:
+            if name in DERIVED:
+                continue  # from the quantised positions
             np.testing.assert_array_equal(a, b)
     np.testing.assert_allclose(compressed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
     assert compressed.read_net("style").weights["bias"].dtype == np.float32
@@ -259,7 +265,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
 
 
 def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
-    for module in ("schema", "writing", "store"):
+    for module in ("schema", "writing", "store", "clips"):
         monkeypatch.setattr(f"choreograph.library.{module}.DELTA_RESTART", 7)
     monkeypatch.setitem(checks.ENCODING, "restart", 7)
     write_repertoire(tmp_path / "often.h5", contents, compress=True)

@@ -7,10 +7,33 @@ import pytest
 
 from choreograph.core.timebase import NET_FPS
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.motion.motion_beats import Liveliness
+from choreograph.motion.motion_beats import (
+    genre_sizes,
+    liveliness_ranks,
+    travel_and_width,
+    travel_and_width_sums,
+)
 
 BODY = np.random.default_rng(0).normal(size=(len(BODY_JOINTS), 3))
 STARTS = np.arange(20, 160, 20)  # smoothing slows the ends of a take
+
+
+class Liveliness:
+    """The ranks of seconds of these takes in their genres."""
+
+    def __init__(self, takes: list[np.ndarray], genres: list[str]) -> None:
+        sums = [travel_and_width_sums(one) for one in takes]
+        self.stops = np.cumsum([len(one) for one in sums])
+        self.sums = np.concatenate(sums)
+        names, self.genre = np.unique(genres, return_inverse=True)
+        self.sizes = [
+            genre_sizes([sums[i] for i in np.flatnonzero(self.genre == g)]) for g in range(len(names))
+        ]
+
+    def ranks(self, take: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+        first = np.append(0, self.stops)[take]
+        measured = travel_and_width(lambda r: self.sums[r], first, self.stops[take] - 1, start, stop)
+        return liveliness_ranks(measured, self.genre[take], self.sizes)
 
 
 def take(speed_m_s: float, width: float = 1.0, length_s: int = 10) -> np.ndarray:

@@ -127,7 +127,7 @@ def _unaligned_note(request: DanceRequest) -> str:
     config, repertoire = request.config, request.repertoire
     default = DanceConfig()
     changed = [name for name in ("density", "time_maps") if getattr(config, name) != getattr(default, name)]
-    counted = any(len(repertoire.counts(take)) >= FEWEST_COUNTS for take in range(len(repertoire.takes)))
+    counted = bool((repertoire.take_tempi.n_counts >= FEWEST_COUNTS).any())
     by_counts = config.warping == "counts" and len(request.song_features.counts) >= FEWEST_COUNTS
     if not changed or not counted or not by_counts:
         return ""

@@ -37,9 +37,9 @@ from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import substage
-from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.library.repertoire import Repertoire
-from choreograph.music.count_grids import SongGrid, TakeGrids
+from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids
 from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.render.runs import MAX_STEER_RAD
@@ -222,8 +222,7 @@ def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
     """Confidence, 0 to 1, that each clip (N,) is of another metre than each second of the song."""
     repertoire = request.repertoire
     features = replace(request.song_features, counts=request.material.counts)
-    metre = np.array([repertoire.counts(take).metre for take in range(len(repertoire.takes))])
-    of_clip = metre[repertoire.clip_take]
+    of_clip = repertoire.take_tempi.metre[repertoire.clip_take]
     confidence = features.counts.confidence if request.config.warping == "counts" else 0.0
     metre_at = song_metre_at(features)
     other = {
@@ -249,6 +248,7 @@ def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Ca
     return mismatch
 
 
+_FEW_TAKES = 512  # of which all have grids, so that each dance of a session has the same
 _CLIPS_AT_ONCE = 1024  # 220 MB of positions
 _TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another seed gives another dance
 
@@ -273,11 +273,12 @@ def make_layers(
     of_form = [w.cost.returns for w in costs if isinstance(w.cost, FormCost) and w.weight]
     returns = of_form[0] if of_form else None
     joins_s = _joins_s(request)
+    candidates = candidate_clips(request, goals, costs, allowed, returns)
+    used = np.unique(candidates)
     segments = warp_segments(
-        candidate_clips(request, goals, costs, allowed, returns), features.density, features.beat_times_s,
-        _clip_density(request), repertoire.clip_motion.speed,
-        request.memory.value(lambda: _clip_beats(repertoire), "clip beats"),
-        counted=_counted_clips(request, joins_s, returns), as_recorded=config.warping == "none",
+        candidates, features.density, features.beat_times_s,
+        _clip_density(request), repertoire.clip_motion.speed, _clip_beats(repertoire, used),
+        counted=_counted_clips(request, used, joins_s, returns), as_recorded=config.warping == "none",
         smoothed=config.time_maps == "smooth",
         report=substage(request.report, "warping"), memory=request.memory.of("segments", config.density),
     )  # fmt: skip
@@ -312,27 +313,33 @@ def song_grid(request: DanceRequest) -> SongGrid | None:
 
 
 def _counted_clips(
-    request: DanceRequest, joins_s: NDArray[np.float64], returns: Returns | None
+    request: DanceRequest, used: NDArray[np.int64], joins_s: NDArray[np.float64], returns: Returns | None
 ) -> CountedClips | None:
-    """The clips of takes with counts, or None if there are none or counts are not used."""
+    """The `used` clips of takes with counts, or None if there are none or counts are not used."""
     if request.config.warping != "counts":
         return None
     repertoire = request.repertoire
-    grids = request.memory.value(lambda: _take_grids(repertoire), "take grids")
     song = song_grid(request)
-    if song is None or not grids.counted.any():
+    if song is None or not (repertoire.take_tempi.n_counts >= FEWEST_COUNTS).any():
         return None
+    n_takes = len(repertoire.takes)
+    takes = np.arange(n_takes)
+    if n_takes > _FEW_TAKES:
+        takes = np.unique(repertoire.clip_take[used]).astype(np.int64)
+    grids = request.memory.value(lambda: _take_grids(repertoire, takes), "take grids", takes)
     shifts = returns.shifts(len(joins_s), song) if returns else None
-    return CountedClips.of(repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s, shifts)
-
-
-def _take_grids(repertoire: Repertoire) -> TakeGrids:
-    takes = range(len(repertoire.takes))
-    return TakeGrids(
-        [repertoire.counts(take) for take in takes],
-        [repertoire.figures(take) for take in takes],
-        [repertoire.motion_beats_s(take) for take in takes],
+    return CountedClips.of(
+        repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s, shifts, used=used
     )
+
+
+def _take_grids(repertoire: Repertoire, takes: NDArray[np.int64]) -> TakeGrids:
+    """The grids of these takes (M,), by the numbers that they have among all takes."""
+    return TakeGrids(
+        [repertoire.counts(take) for take in takes.tolist()],
+        [repertoire.figures(take) for take in takes.tolist()],
+        [repertoire.motion_beats_s(take) for take in takes.tolist()],
+    ).among(takes, len(repertoire.takes))
 
 
 def _clip_density(request: DanceRequest) -> Callable[[NDArray[np.integer]], NDArray[np.float32]]:
@@ -353,8 +360,17 @@ def _clip_density(request: DanceRequest) -> Callable[[NDArray[np.integer]], NDAr
     return lambda clips: of_clip[clips]
 
 
-def _clip_beats(repertoire: Repertoire) -> ClipBeats:
-    beats = [repertoire.clip_motion_beats(clip) for clip in range(repertoire.n_clips)]
-    stops = np.cumsum([len(b) for b in beats])
-    starts = stops - [len(b) for b in beats]
-    return ClipBeats(np.concatenate(beats), np.stack([starts, stops], axis=1))
+def _clip_beats(repertoire: Repertoire, used: NDArray[np.int64]) -> ClipBeats:
+    """The motion beats of the `used` clips (M,), in increasing order. Other clips have none."""
+    takes, firsts = np.unique(repertoire.clip_take[used], return_index=True)
+    ranges = np.zeros((repertoire.n_clips, 2), np.int64)
+    frames, n_before = [], 0
+    for take, clips in zip(takes.tolist(), np.split(used, firsts[1:]), strict=True):
+        beats = repertoire.motion_beats_s(take) * NET_FPS
+        starts = repertoire.clip_start_frame[clips]
+        low, high = np.searchsorted(beats, [starts, starts + CLIP_FRAMES])
+        ends = n_before + np.cumsum(high - low)
+        ranges[clips, 0], ranges[clips, 1] = ends - (high - low), ends
+        frames += [beats[i:j] - start for i, j, start in zip(low, high, starts, strict=True)]
+        n_before = int(ends[-1])
+    return ClipBeats(np.concatenate(frames), ranges)

@@ -390,8 +390,10 @@ def _clips_of_words(repertoire: Repertoire) -> AnyInts:
     """The clip (W,) whose middle is nearest to that of each word, or -1 in a take without clips."""
     v = repertoire.vocabulary
     found, middle_s = np.full(len(v.word_take), -1), 0.5 * (v.word_start_s + v.word_end_s)
-    for take in np.unique(repertoire.clip_take):
-        words, clips = v.words_of_take(int(take)), np.flatnonzero(repertoire.clip_take == take)
+    order = np.argsort(repertoire.clip_take, kind="stable")
+    takes, firsts = np.unique(repertoire.clip_take[order], return_index=True)
+    for take, clips in zip(takes.tolist(), np.split(order, firsts[1:]), strict=True):
+        words = v.words_of_take(take)
         middles_s = repertoire.clip_start_frame[clips] / NET_FPS + CLIP_S / 2
         found[words] = clips[np.abs(middle_s[words, None] - middles_s).argmin(axis=1)]
     return found

@@ -164,12 +164,16 @@ class CountedClips:
         song: SongGrid,
         join_times_s: Floats,
         later_counts: Floats | None = None,
+        *,
+        used: NDArray[np.int64] | None = None,
     ) -> CountedClips:
-        """Clips by their takes (N,) and first frames (N,) at 20 fps."""
-        start_s = start_frame / NET_FPS
-        middle_s = start_s + (CLIP_FRAMES - SEGMENT_FRAMES) / 2 / NET_FPS
+        """Clips by their takes (N,) and first frames (N,) at 20 fps, or those among them that are `used`."""
+        clips = np.arange(len(take)) if used is None else used
+        start_s, middle_index = start_frame / NET_FPS, np.full(len(take), np.nan)
+        middle_s = start_s[clips] + (CLIP_FRAMES - SEGMENT_FRAMES) / 2 / NET_FPS
+        middle_index[clips] = takes.index_at(take[clips], middle_s)
         later_counts = np.zeros(len(join_times_s)) if later_counts is None else later_counts
-        return cls(take, start_s, takes.index_at(take, middle_s), takes, song, join_times_s, later_counts)
+        return cls(take, start_s, middle_index, takes, song, join_times_s, later_counts)
 
 
 def count_time_maps(second: int, clip: NDArray[np.integer], clips: CountedClips) -> CountMaps:

@@ -1,0 +1,179 @@
+"""The arrays of a repertoire that follow from its takes: computed when a file is written, read by rows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.numerics import AnyFloats, AnyInts, frame_blocks, mean_ranks
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.library.schema import DERIVED, QUANTISATION_STEPS, dequantised, quantised
+from choreograph.motion.body import front_rad, ground_pos_m, heading_rad, to_root_frame
+from choreograph.motion.contacts import step_counts
+from choreograph.motion.motion_beats import (
+    GenreSizes,
+    genre_sizes,
+    liveliness_ranks,
+    mean_joint_speed_m_s,
+    travel_and_width,
+    travel_and_width_sums,
+)
+
+Arrays = dict[str, NDArray[Any]]
+_ALWAYS_MADE = (
+    "takes/tempo_bpm",
+    "clips/step_rank",
+    "clips/liveliness_rank",
+    *(name for name in DERIVED if "genres/" in name),
+)
+_OF_TAKES = tuple(name for name in DERIVED if name not in _ALWAYS_MADE)
+
+
+def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
+    """First frames of the clips' middle 4 s, the part that style vectors describe."""
+    return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+
+
+def with_derived(arrays: Mapping[str, NDArray[Any]], *, compress: bool) -> Arrays:
+    """The arrays with all of `DERIVED`. Those of single takes are kept if they are given.
+
+    With `compress`, they are computed from the positions as the file will hold them.
+    """
+    made = dict(arrays)
+    if any(name not in made for name in _OF_TAKES):
+        body_pos_m = np.asarray(made["body/pos_m"], np.float32)
+        step = QUANTISATION_STEPS["body/pos_m"]
+        if compress and (integers := quantised(body_pos_m, step)) is not None:
+            body_pos_m = dequantised(integers, step)
+        made |= take_arrays(body_pos_m, made)
+    if compress:
+        made.pop("body/root_frame", None)
+    elif "body/root_frame" not in made:
+        body_pos_m = np.asarray(made["body/pos_m"], np.float32)
+        take_rows = np.stack([made["takes/body_start"], made["takes/body_stop"]], axis=1)
+        parts = [
+            root_frame_rows(lambda rows: body_pos_m[rows], np.arange(len(body_pos_m))[part], take_rows)
+            for part in frame_blocks(len(body_pos_m))
+        ]
+        made["body/root_frame"] = np.concatenate(parts)
+    return made | {"takes/tempo_bpm": take_tempi_bpm(made)} | _genre_arrays(made)
+
+
+def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+    """What follows from single takes, from the body positions (B, 21, 3) of all of them."""
+    starts, stops = arrays["takes/body_start"], arrays["takes/body_stop"]
+    n_takes, n_frames = len(starts), len(body_pos_m)
+    clip_take, clip_start = np.asarray(arrays["clips/take"]), np.asarray(arrays["clips/start_frame"])
+    clip_borders = np.searchsorted(clip_take, np.arange(n_takes + 1))
+    made: Arrays = {
+        "takes/front_rad": np.zeros(n_takes),
+        "takes/centre_m": np.zeros((n_takes, 3)),
+        "body/speed_m_s": np.zeros(n_frames, np.float32),
+        "body/heading_rad": np.zeros(n_frames, np.float32),
+        "body/sums": np.zeros((n_frames, 2)),
+        "clips/steps": np.zeros(len(clip_take), np.int32),
+    }
+    for take, (start, stop) in enumerate(zip(starts, stops, strict=True)):
+        pos = body_pos_m[start:stop].astype(np.float64)
+        raw = heading_rad(pos)
+        front = made["takes/front_rad"][take] = front_rad(raw)
+        unwrapped = np.unwrap(raw - front)
+        made["body/heading_rad"][start:stop] = unwrapped - 2 * np.pi * np.round(
+            unwrapped.mean() / (2 * np.pi)
+        )
+        made["takes/centre_m"][take] = ground_pos_m(pos).mean(axis=0)
+        made["body/speed_m_s"][start:stop] = mean_joint_speed_m_s(pos, NET_FPS)
+        made["body/sums"][start:stop] = travel_and_width_sums(pos)
+        clips = slice(*clip_borders[take : take + 2])
+        if clips.stop > clips.start:
+            middles = middle_starts(clip_start[clips])
+            made["clips/steps"][clips] = step_counts(body_pos_m[start:stop], NET_FPS, middles, SEGMENT_FRAMES)
+    return made
+
+
+def root_frame_rows(
+    read_pos_m: Callable[[AnyInts], AnyFloats], rows: AnyInts, take_rows: AnyInts
+) -> NDArray[np.float32]:
+    """Poses and velocities in m/s (N, 2, 21, 3) in the root frame of rows (N,) of the flat arrays.
+
+    `read_pos_m` returns body positions by row. `take_rows` (takes, 2) are the first and last rows of takes.
+    """
+    take = np.searchsorted(take_rows[:, 0], rows, side="right") - 1
+    before, after = np.maximum(rows - 1, take_rows[take, 0]), np.minimum(rows + 1, take_rows[take, 1] - 1)
+    pos, pos_before, pos_after = (read_pos_m(r).astype(np.float64) for r in (rows, before, after))
+    n_apart = np.maximum(after - before, 1)[:, None, None]
+    velocity = (pos_after - pos_before) / n_apart * NET_FPS
+    return np.stack([to_root_frame(pos), to_root_frame(pos, velocity)], axis=1).astype(np.float32)
+
+
+def take_tempi_bpm(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """Median tempo of each take (X,), 0 for a take with fewer than two counts."""
+    times_s = np.asarray(arrays["counts/time_s"])
+    return np.array(
+        [
+            60.0 / np.median(np.diff(times_s[start:stop])) if stop - start > 1 else 0.0
+            for start, stop in zip(arrays["takes/count_start"], arrays["takes/count_stop"], strict=True)
+        ]
+    )
+
+
+# Ranks among all takes of a genre.
+
+
+def _genre_arrays(arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+    """The sizes of the seconds of each genre, and the ranks of clips in their genre."""
+    genre = np.asarray(arrays["takes/genre"])
+    starts, stops = np.asarray(arrays["takes/body_start"]), np.asarray(arrays["takes/body_stop"])
+    sums = np.asarray(arrays["body/sums"])
+    names = np.unique(genre)
+    of_genre = [genre_sizes([sums[starts[i] : stops[i]] for i in np.flatnonzero(genre == g)]) for g in names]
+    ends = np.cumsum([len(one.sizes) for one in of_genre])
+    take, start_frame = np.asarray(arrays["clips/take"]), np.asarray(arrays["clips/start_frame"])
+    genre_of_clip = np.searchsorted(names, genre)[take]
+    return {
+        "genres/name": names,
+        "genres/scale": np.stack([one.scale for one in of_genre]),
+        "genres/size_start": ends - [len(one.sizes) for one in of_genre],
+        "genres/size_stop": ends,
+        "genres/sizes": np.concatenate([one.sizes for one in of_genre]),
+        "clips/step_rank": _step_ranks(np.asarray(arrays["clips/steps"]), genre_of_clip),
+        "clips/liveliness_rank": clip_liveliness(
+            lambda rows: sums[rows], of_genre, genre_of_clip, starts[take], stops[take] - 1, start_frame
+        ),
+    }
+
+
+def _step_ranks(steps: AnyInts, genre_of_clip: AnyInts) -> NDArray[np.float32]:
+    """Rank (N,), 0 … 1, of the steps in each clip's middle 4 s among the clips of its genre.
+
+    Equal clips have their mean rank.
+    """
+    ranks = np.empty(len(steps), np.float32)
+    for genre in np.unique(genre_of_clip):
+        inside = genre_of_clip == genre
+        ranks[inside] = (mean_ranks(steps[inside].astype(np.float64)) - 0.5) / inside.sum()
+    return ranks
+
+
+def clip_liveliness(
+    read_sums: Callable[[AnyInts], AnyFloats],
+    sizes: Sequence[GenreSizes],
+    genre: AnyInts,
+    first_row: AnyInts,
+    last_row: AnyInts,
+    start_frame: AnyInts,
+) -> NDArray[np.float32]:
+    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s in its genre (N,).
+
+    `first_row` and `last_row` (N,) are those of the clips' takes, of which `read_sums` returns the sums.
+    """
+    start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
+    ranks = [
+        liveliness_ranks(travel_and_width(read_sums, first_row, last_row, at, at + NET_FPS), genre, sizes)
+        for at in (start + second * NET_FPS for second in range(SEGMENT_S))
+    ]
+    result: NDArray[np.float32] = np.mean(ranks, axis=0, dtype=np.float32)
+    return result
