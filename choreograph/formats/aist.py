@@ -23,7 +23,7 @@ from choreograph.core.files import read_bytes, read_text
 from choreograph.formats.amass import rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up
 from choreograph.formats.folder import SongsByName
-from choreograph.formats.manifest import SkippedFile, attempted
+from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.formats.npz import array_names
 from choreograph.formats.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Credits, Motion, Take
@@ -136,17 +136,16 @@ def detect(path: Path) -> bool:
 def read(path: Path) -> Iterator[Take | SkippedFile]:
     """The takes by name. Those in `ignore_list.txt`, which are badly reconstructed, are skipped."""
     if path.is_file():
-        yield attempted(partial(_take, _songs_in(path.parent)), path)
+        yield from each_attempted([(partial(_take, _songs_in(path.parent)), path)])
         return
     ignored = set()
     if (path / "ignore_list.txt").is_file():
         ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
-    songs = _songs_in(path)
-    for file in sorted((path / "motions").glob("[!.]*.pkl")):
-        if file.stem in ignored:
-            yield SkippedFile(file, "in ignore_list.txt")
-        else:
-            yield attempted(partial(_take, songs), file)
+    files = sorted((path / "motions").glob("[!.]*.pkl"))
+    take = partial(_take, _songs_in(path))
+    read = each_attempted((take, file) for file in files if file.stem not in ignored)
+    for file in files:
+        yield SkippedFile(file, "in ignore_list.txt") if file.stem in ignored else next(read)
 
 
 def _songs_in(path: Path) -> list[SongsByName]:

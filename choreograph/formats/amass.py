@@ -14,7 +14,7 @@ import numpy as np
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.formats.axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
-from choreograph.formats.manifest import SkippedFile, attempted
+from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.formats.npz import array_names, load_arrays
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Credits, Motion, Take, check_length
@@ -79,9 +79,12 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
 
     The folder of a file is the performer, the folder above it is the data set, which is the source.
     """
-    for file in [path] if path.is_file() else _files(path):
-        if _is_motion(file):
-            yield attempted(partial(_take, path), file)
+    files = [path] if path.is_file() else _files(path)
+    motions = [file for file in files if _is_motion(file)]
+    read = each_attempted((partial(_take, path), file) for file in motions)
+    for file in files:
+        if file in motions:
+            yield next(read)
         elif not array_names(file):
             error = FormatError(f"{file}: not a valid NPZ file: damaged, cut off, or another format")
             yield SkippedFile.damaged(file, error)

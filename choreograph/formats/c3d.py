@@ -19,7 +19,7 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.core.numerics import Floats
 from choreograph.formats.axes_and_units import rotation_from_upward
-from choreograph.formats.manifest import SkippedFile, attempted
+from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import estimate_floor_m
 from choreograph.motion.joint_centres import REQUIRED_MARKERS, joint_centres
@@ -206,18 +206,18 @@ def read_c3d_files(paths: Sequence[Path]) -> list[tuple[Motion, tuple[str, ...]]
     Recordings are scaled to the size of the skeleton, so that feet of different dancers do not slide. A file
     that is damaged or lacks a marker is skipped.
     """
-    recordings = [attempted(_recording, path) for path in paths]
+    recordings = list(each_attempted((_recording, path) for path in paths))
     read = [recording for recording in recordings if not isinstance(recording, SkippedFile)]
     if not read:
         return [recording for recording in recordings if isinstance(recording, SkippedFile)]
     roles = read[0].roles  # the same for all
     skeleton = measure_skeleton(np.concatenate([recording.pos_m for recording in read]), roles)
-    return [
-        recording
-        if isinstance(recording, SkippedFile)
-        else attempted(partial(_fitted, skeleton, recording), path)
+    fitted = each_attempted(
+        (partial(_fitted, skeleton, recording), path)
         for path, recording in zip(paths, recordings, strict=True)
-    ]
+        if not isinstance(recording, SkippedFile)
+    )
+    return [recording if isinstance(recording, SkippedFile) else next(fitted) for recording in recordings]
 
 
 @dataclass(frozen=True, eq=False)

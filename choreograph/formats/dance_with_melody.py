@@ -22,7 +22,7 @@ import numpy as np
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
 from choreograph.core.numerics import Floats
-from choreograph.formats.manifest import SkippedFile, attempted
+from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.motion.cleaning import Span, bridged, bridged_rotations
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m, track_floor_m
 from choreograph.motion.marker_fitting import fit_error_m, fit_positions
@@ -66,7 +66,8 @@ def detect(path: Path) -> bool:
 
 def read(path: Path) -> Iterator[Take | SkippedFile]:
     """All takes in `path`, on one skeleton, with the feet at y = 0. Folders of songs alone are not takes."""
-    found = {folder: attempted(_points_of, folder) for folder in _folders(path)}
+    folders = _folders(path)
+    found = dict(zip(folders, each_attempted((_points_of, folder) for folder in folders), strict=True))
     points = {folder: pos_m for folder, pos_m in found.items() if not isinstance(pos_m, SkippedFile)}
     yield from (unread for unread in found.values() if isinstance(unread, SkippedFile))
     if not points:
@@ -76,9 +77,10 @@ def read(path: Path) -> Iterator[Take | SkippedFile]:
     all_points = np.concatenate(list(points.values()))  # (sum of T, 22, 3)
     bodies = cluster_bodies(all_points, ROLES, min(N_BODIES, len(all_points)))
     skeleton = measure_skeleton(all_points, ROLES)
-    for folder, pos_m in points.items():
-        take = partial(_take, pos_m=pos_m, joins=joins[folder], skeleton=skeleton, bodies=bodies)
-        yield attempted(take, folder)
+    yield from each_attempted(
+        (partial(_take, pos_m=pos_m, joins=joins[folder], skeleton=skeleton, bodies=bodies), folder)
+        for folder, pos_m in points.items()
+    )
 
 
 def _points_of(folder: Path) -> Floats:

@@ -9,7 +9,7 @@ from pathlib import Path
 from choreograph.core.errors import FormatError
 from choreograph.formats import c3d, motion_suffixes, npz, reader_of
 from choreograph.formats.fbx import find_blender
-from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, SkippedFile, attempted
+from choreograph.formats.manifest import SONG_SUFFIXES, VIDEO_SUFFIXES, SkippedFile, each_attempted
 from choreograph.motion.motion import Credits, Motion, Take
 from choreograph.music.decoding import has_sound
 
@@ -37,8 +37,9 @@ def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take
     yield from others
     captured = [file for file in motions if file.suffix.lower() in c3d.SUFFIXES]
     fitted = dict(zip(captured, c3d.read_c3d_files(captured), strict=True))
+    others_read = each_attempted((partial(_read_motion, bone_map), f) for f in motions if f not in fitted)
     for file in motions:
-        found = fitted[file] if file in fitted else attempted(partial(_read_motion, bone_map), file)
+        found = fitted[file] if file in fitted else next(others_read)
         if isinstance(found, SkippedFile):
             yield found
             continue

@@ -13,6 +13,7 @@ import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadableFilesError
+from choreograph.core.workers import each
 from choreograph.formats import motion_suffixes
 from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
 from choreograph.formats.tables import Row, as_number, check_within, read_table, with_counts_of
@@ -96,6 +97,22 @@ def attempted(read: Callable[[Path], Content], path: Path) -> Content | SkippedF
         return read(path)
     except ChoreographError as error:
         return SkippedFile.damaged(path, error)
+
+
+def each_attempted(
+    jobs: Iterable[tuple[Callable[[Path], Content], Path]],
+) -> Iterator[Content | SkippedFile]:
+    """`attempted` for each pair of a function and a path, in the processes of `core.workers`."""
+    return each(_attempted_job, jobs, killed=_killed)
+
+
+def _attempted_job(job: tuple[Callable[[Path], Content], Path]) -> Content | SkippedFile:
+    return attempted(*job)
+
+
+def _killed(job: tuple[Callable[[Path], Content], Path]) -> SkippedFile:
+    error = ChoreographError("expected to read the file, but the process that did was killed twice: memory?")
+    return SkippedFile.damaged(job[1], error)
 
 
 def skipped_files(folder: Path, used: Collection[Path]) -> Iterator[SkippedFile]:

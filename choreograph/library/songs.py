@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
+from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, times_to_frames
+from choreograph.core.workers import each
 from choreograph.library.notes import Note
 from choreograph.motion.motion import Take
 from choreograph.music.bars import track_bars
@@ -120,12 +123,24 @@ class SongCache:
     def analysed(self, path: Path) -> AnalysedSong:
         """The song of a file. Raises as `load_song`."""
         if path not in self._analysed:
-            song = load_song(path)
-            mel = log_mel(song.samples)
-            counts = song_counts(song, mel, self._beats)
-            kept = song if self._keep_samples else None
-            self._analysed[path] = AnalysedSong(song.duration_s, mel, counts, kept, song.notes)
+            self._analysed[path] = _analysed(path, beats=self._beats, keep_samples=self._keep_samples)
         return self._analysed[path]
+
+    def analyse(self, paths: Iterable[Path], report: StepReport | None = None) -> None:
+        """Analyse songs in the processes of `core.workers`. Raises as `load_song`."""
+        new = [path for path in dict.fromkeys(paths) if path not in self._analysed]
+        analyse = partial(_analysed, beats=self._beats, keep_samples=self._keep_samples)
+        for done, (path, song) in enumerate(zip(new, each(analyse, new), strict=True)):
+            self._analysed[path] = song
+            if report is not None:
+                report(done + 1, len(new))
+
+
+def _analysed(path: Path, *, beats: str, keep_samples: bool) -> AnalysedSong:
+    song = load_song(path)
+    mel = log_mel(song.samples)
+    counts = song_counts(song, mel, beats)
+    return AnalysedSong(song.duration_s, mel, counts, song if keep_samples else None, song.notes)
 
 
 # Notes on songs: damage, motion without music, offsets that counts contradict.

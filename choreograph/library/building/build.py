@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION
-from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder, sha256_of
+from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
+from choreograph.core.workers import beside, n_cores, workers
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.networks import (
     STYLE_NET,
@@ -25,11 +26,11 @@ from choreograph.library.building.networks import (
     training_context,
 )
 from choreograph.library.building.options import BuildOptions, BuildResult
+from choreograph.library.building.rollout import Teacher, taught_dances, train_rollout_network
 from choreograph.library.building.takes import (
     FEWEST_WORDS,
     SegmentedTake,
     make_motifs,
-    measure_take,
     measured_takes,
     segment_takes,
 )
@@ -38,20 +39,13 @@ from choreograph.library.motifs import Vocabulary, motif_arrays
 from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays, rollout_names
-from choreograph.library.songs import SongCache, music_of_take, song_notes
+from choreograph.library.songs import SongCache, song_notes
 from choreograph.library.writing import ClipDensity, EmbedMotion, MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.motion import Take
 from choreograph.music.song_features import motion_density
 
 if TYPE_CHECKING:
-    from choreograph.nets.configs import RolloutConfig
-    from choreograph.nets.rollout_training import RolloutTake
-    from choreograph.nets.training import TrainingContext
-    from choreograph.nets.words import WordNet
-
-# Dances of a repertoire to the songs of takes, as takes with counts. The folder keeps finished work for a
-# resumed build.
-Teacher = Callable[[Repertoire, Sequence[Take], Path], list[Take]]
+    from choreograph.nets.training import TrainingContext, TrainingProgress
 
 
 def build_repertoire(
@@ -87,7 +81,7 @@ def build_repertoire(
     output = check_target(output)
     work = folder_beside(output, ".build")
     check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
-    with locked_folder(work, doing=f"builds {output.name}"):
+    with locked_folder(work, doing=f"builds {output.name}"), workers(options.workers or n_cores()):
         notes = _write_built(sources, output, work, options, teacher, report, training_report)
     repertoire = Repertoire.open(output)
     return BuildResult(repertoire, summary(notes, len(repertoire.takes), output.name))
@@ -103,6 +97,8 @@ def _write_built(
     training_report: Callable[[Any], None] | None,
 ) -> list[Note]:
     """Build and write the file `output`, with work in progress in `work`. Returns notes."""
+    from choreograph.nets.training import select_device
+
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
     measured, notes = measured_takes(sources, options, report)
@@ -123,12 +119,18 @@ def _write_built(
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         counter_trained_on = shipped[MOTION_NET].trained_on
         notes.append(Note("counting networks", values={"networks": shipped[MOTION_NET].description}))
-    nets, trained_on, music_notes = train_music_networks(
-        measured, songs, pretrained, options=options, context=context, report=report
-    )
-    notes += [*music_notes, *song_notes([m.take for m in measured], songs)]
-    features = _clip_features(nets, options, notes)
-    words = _words(measured, songs, pretrained, options, context, report, notes)
+    segmented, segment_notes = segment_takes(measured, songs, report=report) if options.words else ([], [])
+    train_words = partial(_trained_words, segmented, pretrained, options)
+    at_once = options.words and not pretrained.keep and select_device(options.device).type == "cpu"
+    elsewhere = partial(train_words, replace(context, report=_unseen)) if at_once else None
+    with beside(partial(train_words, context), elsewhere) as words_net:
+        nets, trained_on, music_notes = train_music_networks(
+            measured, songs, pretrained, options=options, context=context, report=report
+        )
+        notes += [*music_notes, *song_notes([m.take for m in measured], songs)]
+        features = _clip_features(nets, options, notes)
+        notes += segment_notes
+        words = _words(segmented, words_net, options, notes)
     arrays = to_arrays(
         measured,
         embed_motion=features.embed_motion,
@@ -215,21 +217,33 @@ class _WordParts:
     vocabulary: Vocabulary | None = None
 
 
-def _words(
-    measured: Sequence[MeasuredTake],
-    songs: SongCache,
+def _unseen(progress: TrainingProgress) -> None:
+    """The report of a training in another process. Its progress is not seen."""
+
+
+def _trained_words(
+    segmented: Sequence[SegmentedTake],
     pretrained: PretrainedWeights,
     options: BuildOptions,
     context: TrainingContext,
-    report: ProgressReport | None,
+) -> tuple[NetArrays | None, list[Note]]:
+    """The network of motion words, and notes on its training."""
+    notes: list[Note] = []
+    context = replace(context, note=lambda text: notes.append(Note("training", values={"text": text})))
+    return train_word_network(segmented, pretrained, options=options, context=context), notes
+
+
+def _words(
+    segmented: Sequence[SegmentedTake],
+    words_net: Callable[[], tuple[NetArrays | None, list[Note]]],
+    options: BuildOptions,
     notes: list[Note],
 ) -> _WordParts:
     """The takes' motion words, their networks and their motifs. Appends to `notes`."""
     if not options.words:
         return _WordParts()
-    segmented, segment_notes = segment_takes(measured, songs, report=report)
-    notes += segment_notes
-    net = train_word_network(segmented, pretrained, options=options, context=context)
+    net, training_notes = words_net()
+    notes += training_notes
     nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in segmented)
     if net is None or n_words < FEWEST_WORDS:
@@ -275,118 +289,3 @@ def _rollout_net(
         measured, parts.segmented, parts.vocabulary, words, taught(config) if dances else config,
         dances=dances, songs=songs, seed=options.seed, context=context, pretrained=begins, report=report,
     )  # fmt: skip
-
-
-# The rollout network of a library: takes with their words and their music, and its training.
-#
-# The network may also learn from dances that an engine makes from the takes to their songs. These are on the
-# count by construction, so that the network keeps counts and bars better. The engine is passed as a
-# `Teacher`, since this package does not import engines. Training imports torch.
-
-
-def train_rollout_network(
-    measured: Sequence[MeasuredTake],
-    segmented: Sequence[SegmentedTake],
-    vocabulary: Vocabulary,
-    words: WordNet,
-    config: RolloutConfig,
-    *,
-    dances: Sequence[Take] = (),
-    songs: SongCache,
-    seed: int,
-    context: TrainingContext,
-    pretrained: NetArrays | None,
-    report: ProgressReport | None,
-) -> dict[str, NetArrays]:
-    """Train the rollout network on all takes with music and on `dances` of them. Returns it by its name.
-
-    With `RolloutConfig.by_genre` there is one for each genre, as in the paper (section 5). Training starts
-    from `pretrained` if given. Raises `ParameterError` if no take, or no take of a genre, has words with
-    music for as long as a training sequence.
-    """
-    from choreograph.nets.rollout_training import train_rollouts
-
-    takes = rollout_takes(measured, segmented, vocabulary, words, songs=songs, report=report)
-    if dances:
-        danced = [measure_take(take) for take in dances]
-        danced_words, of_dances = words_of_dances(danced, vocabulary, words, songs)
-        takes += rollout_takes(danced, danced_words, of_dances, words, songs=songs, report=report)
-    weights = None if pretrained is None else pretrained.weights
-    nets = {}
-    trained = train_rollouts(takes, words, config, seed=seed, context=context, pretrained=weights)
-    for index, net in enumerate(trained):
-        arrays, stored = net.to_arrays()
-        nets[f"rollout_{index}" if config.by_genre else "rollout"] = NetArrays(stored, arrays)
-    return nets
-
-
-def taught_dances(contents: Contents, takes: Sequence[Take], teacher: Teacher, work: Path) -> list[Take]:
-    """The teacher's dances to the songs of `takes` with the repertoire of `contents`.
-
-    That repertoire and the finished dances are stored in `work`, where a resumed build with the same contents
-    finds them.
-    """
-    draft = work / "untaught.h5"
-    work.mkdir(parents=True, exist_ok=True)
-    write_repertoire(draft, contents)
-    return teacher(Repertoire.open(draft), takes, work / f"graph-dances-{sha256_of(draft)[:12]}")
-
-
-def rollout_takes(
-    measured: Sequence[MeasuredTake],
-    segmented: Sequence[SegmentedTake],
-    vocabulary: Vocabulary,
-    words: WordNet,
-    *,
-    songs: SongCache,
-    report: ProgressReport | None = None,
-) -> list[RolloutTake]:
-    """The takes with music, as training data of the network.
-
-    The rhythm of the music is aligned with the counts of the take, even if the recording is not. `segmented`
-    are the words of `measured`. `songs` must keep samples.
-    """
-    from choreograph.nets.rollout_poses import ROLLOUT_FPS
-    from choreograph.nets.rollout_training import RolloutTake
-
-    takes = []
-    for index, (m, of_take) in enumerate(zip(measured, segmented, strict=True)):
-        take, bounds = m.take, of_take.words
-        if take.song_path is None or len(bounds) == 0:
-            continue
-        analysed = songs.analysed(take.song_path)
-        music = music_of_take(take, analysed, np.append(bounds.start_s, bounds.end_s[-1]))
-        motif = vocabulary.word_motif[vocabulary.words_of_take(index)]
-        takes.append(
-            RolloutTake(
-                name=take.name,
-                motion=take.motion.resampled(ROLLOUT_FPS),
-                rhythm=music.rhythm,
-                count_phase=music.count_phase,
-                start_s=bounds.start_s,
-                end_s=bounds.end_s,
-                motif=vocabulary.motifs.embeddings[motif],
-                embedding=words.embed(bounds.body_pos_m),
-                spectral=music.spectral,
-                genre=take.credits.genre,
-            )
-        )
-        if report is not None:
-            report("analysing the music of words", index + 1, len(measured))
-    return takes
-
-
-def words_of_dances(
-    dances: Sequence[MeasuredTake], vocabulary: Vocabulary, words: WordNet, songs: SongCache
-) -> tuple[list[SegmentedTake], Vocabulary]:
-    """The words of dances, and the vocabulary with these words instead of those of the takes."""
-    segmented, _ = segment_takes(dances, songs)
-    motif = vocabulary.motifs.nearest(words.embed(np.concatenate([t.words.body_pos_m for t in segmented])))
-    of_dances = replace(
-        vocabulary,
-        word_take=np.repeat(np.arange(len(segmented)), [len(take.words) for take in segmented]),
-        word_start_s=np.concatenate([take.words.start_s for take in segmented]),
-        word_end_s=np.concatenate([take.words.end_s for take in segmented]),
-        word_motif=motif,
-    )
-    return segmented, of_dances

@@ -77,6 +77,7 @@ def counted_takes(
     Without `count_motion`, no counts are estimated from motion. Raises `FormatError` for a song that cannot
     be read.
     """
+    songs.analyse(m.take.song_path for m in measured if not len(m.take.counts) and m.take.song_path)
     counted, decisions = [], []
     for given in measured:
         if len(given.take.counts):

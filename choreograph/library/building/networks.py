@@ -14,7 +14,7 @@ import numpy as np
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import sha256_of
-from choreograph.core.progress import ProgressReport
+from choreograph.core.progress import ProgressReport, substage
 from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake, path_within
@@ -186,11 +186,9 @@ def train_music_networks(
     if pretrained.keep and set(known) == set(wanted):
         return known, sorted(pretrained.trained_on), []
     if len(song_names) >= 2:
-        takes = []
-        for done, m in enumerate(with_music):
-            takes.append(style_take(m, songs))
-            if report is not None:
-                report("analysing songs", done + 1, len(with_music))
+        paths = [m.take.song_path for m in with_music if m.take.song_path is not None]
+        songs.analyse(paths, substage(report, "analysing songs"))
+        takes = [style_take(m, songs) for m in with_music]
         kept = known if pretrained.keep else {}
         nets = _trained(takes, kept, pretrained, options=options, context=context)
         return nets, sorted(song_names | pretrained.trained_on), []

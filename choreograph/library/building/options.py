@@ -55,6 +55,10 @@ class BuildOptions:
     beats: Tracker = "network"
     """Beat tracker for the songs of the takes. Change it if takes are counted wrongly."""
 
+    workers: Annotated[int, Range(0)] = 0
+    """Processes that read and measure takes and analyse songs. 0 is one for each CPU core. The result does
+    not depend on it."""
+
     resume: bool = False
     """Whether to continue from the checkpoints of a build that was stopped."""
 
@@ -138,6 +142,7 @@ class BuildSettings(TypedDict, total=False):
     seed: int
     device: Device
     beats: Tracker
+    workers: int
     resume: bool
     init_from: str | Path | None
     pretrained: Pretrained

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,6 +16,7 @@ from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
+from choreograph.core.workers import each
 from choreograph.formats.axes_and_units import unit_in_notes
 from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
@@ -80,13 +82,28 @@ def measured_takes(
     imported = import_sources([Path(source) for source in sources], options, report)
     check_takes(imported, options)
     notes = imported.notes()
-    takes = [_without_jumps(take, notes) for take in imported.takes]
-    takes = _on_one_skeleton(takes, notes)
-    if options.lock_feet:
-        takes = [replace(take, motion=lock_feet(take.motion)) for take in takes]
-    measured = [measure_take(take) for take in takes]
+    first = imported.takes[0].motion.skeleton
+    on_one = all(take.motion.skeleton.same_as(first) for take in imported.takes)
+    prepare = partial(_prepared, retargeted=not on_one, lock=options.lock_feet)
+    measured = []
+    for done, (one, jumps) in enumerate(each(prepare, imported.takes)):
+        measured.append(one)
+        notes += jumps
+        if report is not None:
+            report("measuring", done + 1, len(imported.takes))
+    notes += [] if on_one else [Note("retargeted")]
     notes += [Note("short", m.take.name, {"clip_s": CLIP_S}) for m in measured if is_short(len(m.body_pos_m))]
     return measured, notes
+
+
+def _prepared(take: Take, *, retargeted: bool, lock: bool) -> tuple[MeasuredTake, list[Note]]:
+    """A take without jumps, on the canonical body if it is `retargeted`, with its features, and notes."""
+    take, notes = _without_jumps(take)
+    if retargeted:
+        take = replace(take, motion=retarget(take.motion, canonical_skeleton()))
+    if lock:
+        take = replace(take, motion=lock_feet(take.motion))
+    return measure_take(take), notes
 
 
 def import_sources(sources: Sequence[Path], options: BuildOptions, report: ProgressReport | None) -> Imported:
@@ -201,14 +218,13 @@ def measure_take(take: Take) -> MeasuredTake:
     return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
 
 
-def _without_jumps(take: Take, notes: list[Note]) -> Take:
-    """The take without one-frame jumps of its markers. Appends a note that says how many there were."""
+def _without_jumps(take: Take) -> tuple[Take, list[Note]]:
+    """The take without one-frame jumps of its markers, and a note that says how many there were."""
     motion, count, limbs = without_jumps(take.motion)
     if count == 0:
-        return take
+        return take, []
     note = Note("jumps", take.name, {"jumps": count, "limbs": ", ".join(limbs)})
-    notes.append(note)
-    return replace(take, motion=motion, notes=(*take.notes, note.text))
+    return replace(take, motion=motion, notes=(*take.notes, note.text)), [note]
 
 
 def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
@@ -218,16 +234,6 @@ def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
         names = max(rigs, key=lambda names: len(set(bone_map.values()) & set(names)))
         lacking = next(name for name in bone_map.values() if name not in names)
         raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
-
-
-def _on_one_skeleton(takes: list[Take], notes: list[Note]) -> list[Take]:
-    """The takes, retargeted to the canonical body, with a note, unless they share a skeleton."""
-    first = takes[0].motion.skeleton
-    if all(take.motion.skeleton.same_as(first) for take in takes):
-        return takes
-    notes.append(Note("retargeted"))
-    body = canonical_skeleton()
-    return [replace(take, motion=retarget(take.motion, body)) for take in takes]
 
 
 # Motion words of a library: takes are segmented on their counts, and motifs are found among the words.

@@ -1,0 +1,146 @@
+"""The same work on many inputs, in several processes, with the results in the order of the inputs.
+
+The results do not depend on the number of processes. A process that is killed, such as for lack of memory,
+costs the work that it had begun, which is done again. Processes are those of joblib, which need no
+`if __name__ == "__main__"` in the program that imports this one.
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import TypeVar
+
+from choreograph.core.errors import ChoreographError
+
+FEWEST = 6  # inputs for which processes are started, each of which takes two seconds
+_AHEAD = 2  # inputs of a process that are worked on before their results are needed
+
+_Input = TypeVar("_Input")
+_Result = TypeVar("_Result")
+_n_workers: ContextVar[int] = ContextVar("n_workers", default=1)
+
+
+def n_cores() -> int:
+    """The number of CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def workers(n: int) -> Iterator[None]:
+    """Inside, `each` uses `n` processes, or this one if `n` is 1."""
+    token = _n_workers.set(n)
+    try:
+        yield
+    finally:
+        _n_workers.reset(token)
+
+
+def each(
+    function: Callable[[_Input], _Result],
+    inputs: Iterable[_Input],
+    *,
+    killed: Callable[[_Input], _Result] | None = None,
+) -> Iterator[_Result]:
+    """The result of `function` for each input, in order, when it is needed.
+
+    In processes, `function`, inputs and results are pickled. An input whose process is killed twice has the
+    result `killed(input)`.
+
+    Raises what `function` raises, and `ChoreographError` for such an input without `killed`.
+    """
+    inputs = list(inputs)
+    n = min(_n_workers.get(), len(inputs))
+    if n == 1 or len(inputs) < FEWEST:
+        yield from map(function, inputs)
+        return
+    done, one_by_one = 0, 0
+    while done < len(inputs):
+        stop = done + 1 if one_by_one else len(inputs)
+        try:
+            for result in _started(n, function, inputs[done:stop]):
+                yield _taken(result)
+                done, one_by_one = done + 1, max(0, one_by_one - 1)
+        except BrokenProcessPool:
+            if one_by_one == 0:  # any of those that were begun may have done it
+                one_by_one = (_AHEAD + 1) * n
+                continue
+            if killed is None:
+                raise ChoreographError(
+                    f"expected the work on input {done + 1} of {len(inputs)} to end, but its process was "
+                    "killed twice: too little memory?"
+                ) from None
+            yield killed(inputs[done])
+            done, one_by_one = done + 1, one_by_one - 1
+
+
+@contextmanager
+def beside(
+    here: Callable[[], _Result], elsewhere: Callable[[], _Result] | None
+) -> Iterator[Callable[[], _Result]]:
+    """Inside, `elsewhere` works in another process. What is yielded waits for its result and returns it.
+
+    With one worker, without `elsewhere`, and if its process is killed, `here` is called when the result is
+    wanted. At an exception inside, the process is ended.
+    """
+    if elsewhere is None or _n_workers.get() == 1:
+        yield here
+        return
+    running = _started(2, _call, [elsewhere])
+
+    def result() -> _Result:
+        try:
+            return _taken(next(running))
+        except BrokenProcessPool:
+            return here()
+
+    try:
+        yield result
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on work that is given up
+            running.close()
+
+
+@dataclass(frozen=True)
+class _Failed:
+    """An error of the caller, which is raised when the results before it are taken."""
+
+    error: ChoreographError
+
+
+def _started(
+    n: int, function: Callable[[_Input], _Result], inputs: list[_Input]
+) -> Generator[_Result | _Failed, None, None]:
+    """The results in order, of work that begins at once."""
+    from joblib import Parallel, delayed
+
+    # Without `max_nbytes`, large arrays would be passed as read-only files.
+    parallel = Parallel(max(n, 2), return_as="generator", max_nbytes=None, pre_dispatch=_AHEAD * n)
+    results: Generator[_Result | _Failed, None, None] = parallel(
+        delayed(_result)(function, one) for one in inputs
+    )
+    return results
+
+
+def _result(function: Callable[[_Input], _Result], one: _Input) -> _Result | _Failed:
+    """The result, or the error: joblib would raise the error that comes first in time."""
+    try:
+        return function(one)
+    except ChoreographError as error:
+        return _Failed(error)
+
+
+def _taken(result: _Result | _Failed) -> _Result:
+    if isinstance(result, _Failed):
+        raise result.error
+    return result
+
+
+def _call(function: Callable[[], _Result]) -> _Result:
+    return function()

@@ -1,0 +1,123 @@
+"""`each` gives the results in order, with any number of processes, also when some of them are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from choreograph.core.errors import ChoreographError, FormatError
+from choreograph.core.workers import FEWEST, beside, each, n_cores, workers
+
+
+def square(number: int) -> int:
+    return number * number
+
+
+def where(number: int) -> int:
+    return os.getpid()
+
+
+def fails_at(wrong: int, number: int) -> int:
+    if number == wrong:
+        raise FormatError(f"{number}.bvh: expected a hierarchy, got nothing")
+    return number
+
+
+def dies_once(folder: Path, number: int) -> int:
+    """The process is killed when it first works on 4."""
+    flag = folder / "died"
+    if number == 4 and not flag.exists():
+        flag.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+def always_dies(number: int) -> int:
+    if number == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return square(number)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_results_come_in_the_order_of_the_inputs(n):
+    with workers(n):
+        assert list(each(square, range(9))) == [square(i) for i in range(9)]
+        assert list(each(square, [])) == []
+
+
+def test_few_inputs_are_worked_on_in_this_process():
+    with workers(2):
+        assert set(each(where, range(FEWEST - 1))) == {os.getpid()}
+        assert os.getpid() not in set(each(where, range(FEWEST)))
+    assert set(each(where, range(20))) == {os.getpid()}
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_results_are_given_up_to_an_error(n):
+    with workers(n):
+        results = each(partial(fails_at, 6), range(9))
+        assert [next(results) for _ in range(6)] == list(range(6))
+        with pytest.raises(FormatError, match=r"^6\.bvh: expected a hierarchy, got nothing$"):
+            next(results)
+
+
+def test_work_of_a_process_that_is_killed_is_done_again(tmp_path):
+    with workers(2):
+        assert list(each(partial(dies_once, tmp_path), range(12))) == [square(i) for i in range(12)]
+    assert (tmp_path / "died").exists()
+
+
+def test_an_input_whose_process_is_killed_twice_is_named(tmp_path):
+    with workers(2):
+        found = list(each(always_dies, range(9), killed=lambda number: -number))
+        assert found == [square(i) if i != 5 else -5 for i in range(9)]
+        with pytest.raises(ChoreographError, match=r"the work on input 6 of 9 .* killed twice"):
+            list(each(always_dies, range(9)))
+
+
+def test_there_is_a_core_to_work_on():
+    assert n_cores() >= 1
+
+
+def add(one: int, other: int) -> int:
+    return one + other
+
+
+def fails() -> int:
+    raise FormatError("x.bvh: expected frames, got none")
+
+
+def dies() -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_work_beside_other_work_gives_its_result_or_its_error(n):
+    with workers(n):
+        with beside(partial(add, 1, 2), partial(add, 1, 2)) as result:
+            other = add(3, 4)
+        assert (other, n) == (7, n)
+        with beside(partial(add, 1, 2), partial(add, 1, 2)) as result:
+            assert result() == 3
+        with beside(fails, fails) as result, pytest.raises(FormatError, match="expected frames"):
+            result()
+        with beside(partial(add, 1, 2), None) as result:
+            assert result() == 3
+
+
+def test_work_whose_process_is_killed_is_done_here():
+    with workers(2), beside(partial(add, 1, 2), dies) as result:
+        assert result() == 3
+
+
+def test_an_error_beside_ends_the_other_process():
+    with workers(2), pytest.raises(ZeroDivisionError), beside(fails, partial(time.sleep, 60)):
+        raise ZeroDivisionError
+    with workers(2):
+        assert list(each(square, range(8))) == [square(i) for i in range(8)]
