@@ -9,7 +9,8 @@ and FOLDER are those of its docstring. Up to 80 s of each song are danced with i
 
 Each repertoire has its own seed. Numbers are mean ± spread over repertoires. The χ² of a repertoire is also
 measured by the word network of the next one ("chi2 judged"), which was used neither to choose its motifs nor
-to train it. The FOLDER of the ablations was written by `train_rollout_ablations.py`. "landed" is the finished
+to train it. The FOLDER of the ablations was written by `train_rollout_ablations.py`. A repertoire without
+any network to measure is a judge only. "landed" is the finished
 rollout, warped so that its accents lie on the beats. "read" are counts that a network estimates from the
 motion alone. "by genre" is Table 1 of the paper: χ² to the signature of the genre, with intervals over
 repertoires.
@@ -40,6 +41,7 @@ from choreograph.evaluation.metrics import beat
 from choreograph.evaluation.metrics.motion_beat_detectors import beats_by_detector, our_beats_s, scores_of
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
 from choreograph.evaluation.songs import SongMusic, find_songs, song_music
+from choreograph.library.schema import rollout_names
 from choreograph.library.words import dance_bounds_s, signature
 from choreograph.motion.body import body_pos_m, to_root_frame
 from choreograph.motion.motion import Motion, Take
@@ -102,14 +104,16 @@ def ablated(
     for piece in pieces:
         goal = repertoire.vocabulary.signatures[repertoire.vocabulary.genre_index(piece.genre)]
         motions: dict[str, Motion] = {}
-        for name, net in {"rollout": None, **nets}.items():
+        own = {"rollout": None} if rollout_names(repertoire.net_names) else {}
+        for name, net in {**own, **nets}.items():
             repertoire.swapped = net
-            config = published_dance("rollout") if name.startswith("published") else None
+            config = published_dance("rollout") if name.startswith("published") else cg.DanceConfig()
             dance = cg.dance(piece.song, repertoire, engine="rollout", genre=piece.genre, config=config)
             motions[name] = dance.motion
         repertoire.swapped = None
         beats, bounds = piece.music.beats_s, bounds_of(dance)
-        motions["rollout, landed"] = landed(motions["rollout"], np.array(dance.plan.music_beats_s))
+        if "rollout" in motions:
+            motions["rollout, landed"] = landed(motions["rollout"], np.array(dance.plan.music_beats_s))
         if piece.take is not None:
             motions["real"] = piece.take.motion
         asked = np.array([word.motif for word in dance.plan.words])
@@ -292,6 +296,8 @@ def measured(path: Path, judge: Path, given: argparse.Namespace) -> dict[str, Ta
         "long": lambda: {"long": long_dances(pieces, repertoire)},
     }
     found: dict[str, Table] = {}
+    if not (nets or rollout_names(repertoire.net_names)):
+        return found
     for title, make in tables.items():
         if title in given.tables:
             found |= make()
@@ -311,7 +317,8 @@ def main() -> None:
     given = parser.parse_args()
     measure = partial(measured, given=given)
     with ProcessPoolExecutor(given.jobs) as pool:
-        found = list(pool.map(measure, given.repertoires, given.repertoires[1:] + given.repertoires[:1]))
+        judges = given.repertoires[1:] + given.repertoires[:1]
+        found = [tables for tables in pool.map(measure, given.repertoires, judges) if tables]
     for title in found[0]:
         show(title, [tables[title] for tables in found])
 

@@ -20,6 +20,12 @@ class WithNet(cg.Repertoire):
 
     swapped: NetsByGenre | None = None
 
+    @property
+    def rollout_genres(self) -> tuple[str, ...]:
+        if self.swapped is None:
+            return super().rollout_genres
+        return tuple(genre for genre in self.swapped if genre)
+
     def rollout_net(self, genre: str = "") -> PosePredictor:
         if self.swapped is None:
             return super().rollout_net(genre)
