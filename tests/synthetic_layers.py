@@ -81,6 +81,7 @@ def random_source(
     clips = ClipTable(
         take=np.arange(n_clips) % 2,
         start_frame=20 * np.arange(n_clips),
+        usage_column=np.arange(2),
         take_names=np.array(["left", "right"]),
         genres=np.array(["waltz", "rumba"]),
         style=rng.normal(size=(n_clips, 32)).astype(np.float32),

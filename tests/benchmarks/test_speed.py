@@ -86,6 +86,7 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
     clips = ClipTable(
         repertoire.clip_take,
         repertoire.clip_start_frame,
+        np.arange(len(repertoire.takes)),
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         (spread * rng.normal(size=(N_CLIPS, 32))).astype(np.float32),

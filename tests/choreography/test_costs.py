@@ -189,7 +189,8 @@ def _danced(source, takes, second=3):
     """A layer of a source as if each node had been reached over `takes`, one a second."""
     layer = source.layer(second)
     for take in takes:
-        danced = replace(layer, take=np.full(layer.n_nodes, take)).with_take_usage(layer.take_usage_s)
+        every = np.full(layer.n_nodes, take)
+        danced = replace(layer, take=every, usage_column=every).with_take_usage(layer.take_usage_s)
         layer = replace(layer, take_usage_s=danced.take_usage_s)
     return layer
 

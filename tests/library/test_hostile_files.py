@@ -123,9 +123,9 @@ def _deflated_zeros(file: h5py.File) -> None:
     """400 MB of positions in half a megabyte."""
     n_frames = 1_600_000
     for name in OF_FRAMES:
-        shape = (n_frames, *file[name].shape[1:])
+        shape, kind = (n_frames, *file[name].shape[1:]), file[name].dtype
         del file[name]
-        file.create_dataset(name, shape, "f4", chunks=(60_000, *shape[1:]), compression="gzip", fillvalue=1.0)
+        file.create_dataset(name, shape, kind, chunks=(30_000, *shape[1:]), compression="gzip", fillvalue=1.0)
         for row in range(0, n_frames, 60_000):
             file[name][row : row + 60_000] = 0.0
     file["takes/body_stop"][-1] = n_frames

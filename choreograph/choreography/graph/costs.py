@@ -288,19 +288,19 @@ class Variety(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0 or layer.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.take] / USAGE_SCALE_S
+        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.usage_column] / USAGE_SCALE_S
         return usage
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if previous.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = previous.take_usage_s[:, next.take] * np.float32(1.0 / USAGE_SCALE_S)
+        usage: AnyFloats = previous.take_usage_s[:, next.usage_column] * np.float32(1.0 / USAGE_SCALE_S)
         return usage
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
         if previous.take_usage_s.shape[1] == 0:
             return 0.0
-        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.take] / USAGE_SCALE_S
+        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.usage_column] / USAGE_SCALE_S
         return least
 
 

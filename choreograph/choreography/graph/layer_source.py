@@ -248,7 +248,7 @@ def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Ca
     return mismatch
 
 
-_FEW_TAKES = 512  # of which all have grids, so that each dance of a session has the same
+_FEW_TAKES = 512  # of which all have grids and usage, so that the dances of a session have the same
 _CLIPS_AT_ONCE = 1024  # 220 MB of positions
 _TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another seed gives another dance
 
@@ -261,20 +261,24 @@ def make_layers(
 ) -> LayerSource:
     """The layers of every second: clips selected, warped onto the music, and labelled with motifs."""
     features, config, repertoire = request.song_features, request.config, request.repertoire
+    of_form = [w.cost.returns for w in costs if isinstance(w.cost, FormCost) and w.weight]
+    returns = of_form[0] if of_form else None
+    candidates = candidate_clips(request, goals, costs, allowed, returns)
+    used = np.unique(candidates)
+    takes = _takes_of(repertoire, used)
+    usage_column = np.zeros(len(repertoire.takes), np.int64)
+    usage_column[takes] = np.arange(len(takes))
     clips = ClipTable(
         repertoire.clip_take,
         repertoire.clip_start_frame,
+        usage_column,
         np.array([take.name for take in repertoire.takes]),
         np.array([take.credits.genre for take in repertoire.takes]),
         repertoire.clip_style,
         repertoire.clip_motion.step_ranks,
     )
     n_seconds = features.n_seconds
-    of_form = [w.cost.returns for w in costs if isinstance(w.cost, FormCost) and w.weight]
-    returns = of_form[0] if of_form else None
     joins_s = _joins_s(request)
-    candidates = candidate_clips(request, goals, costs, allowed, returns)
-    used = np.unique(candidates)
     segments = warp_segments(
         candidates, features.density, features.beat_times_s,
         _clip_density(request), repertoire.clip_motion.speed, _clip_beats(repertoire, used),
@@ -286,7 +290,7 @@ def make_layers(
     if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
         motifs = node_motifs(segments, clips, song_words_s(features), repertoire.span_motifs.motifs_of)
         n_motifs = repertoire.vocabulary.n_motifs
-    tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))
+    tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))[takes]
     return LayerSource(
         segments, clips, repertoire.clip_motion, tie_break_s=tie_break_s, motifs=motifs, n_motifs=n_motifs,
         goal_starts=[goal.first_second for goal in goals], join_times_s=joins_s,
@@ -322,15 +326,19 @@ def _counted_clips(
     song = song_grid(request)
     if song is None or not (repertoire.take_tempi.n_counts >= FEWEST_COUNTS).any():
         return None
-    n_takes = len(repertoire.takes)
-    takes = np.arange(n_takes)
-    if n_takes > _FEW_TAKES:
-        takes = np.unique(repertoire.clip_take[used]).astype(np.int64)
+    takes = _takes_of(repertoire, used)
     grids = request.memory.value(lambda: _take_grids(repertoire, takes), "take grids", takes)
     shifts = returns.shifts(len(joins_s), song) if returns else None
     return CountedClips.of(
         repertoire.clip_take, repertoire.clip_start_frame, grids, song, joins_s, shifts, used=used
     )
+
+
+def _takes_of(repertoire: Repertoire, used: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The takes (M,) of the `used` clips, or all of them if there are few."""
+    if len(repertoire.takes) <= _FEW_TAKES:
+        return np.arange(len(repertoire.takes))
+    return np.unique(repertoire.clip_take[used]).astype(np.int64)
 
 
 def _take_grids(repertoire: Repertoire, takes: NDArray[np.int64]) -> TakeGrids:

@@ -82,10 +82,13 @@ class Layer:
     offset: AnyInts  # (N,) 0 … 3: the node's quarter of its segment
     clip: AnyInts  # (N,) index in the repertoire
     take: AnyInts  # (N,) index in the repertoire
+    usage_column: (
+        AnyInts  # (N,) of the node's take in `take_usage_s`, which has one for each take of candidates
+    )
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: AnyFloats  # (N, 32) of the clip
-    take_usage_s: AnyFloats  # (N, takes) recent use of each take along the cheapest path to the node, decayed
+    take_usage_s: AnyFloats  # (N, columns) recent use of takes along the cheapest path to the node, decayed
     take_frames: AnyFloats  # (N, 2) take frames (20 fps) at the second's two borders
     density_mismatch: AnyFloats  # (N,) mean squared difference of tempo-densities in this second
     unmatched_beat: AnyFloats  # (N,) share of this second's music and motion beats without a partner
@@ -208,7 +211,7 @@ class Layer:
         if usage_before_s.shape[1] == 0:
             return self
         usage_s = usage_before_s * np.float32(np.exp(-1.0 / USAGE_DECAY_S))
-        usage_s[np.arange(self.n_nodes), self.take] += 1.0
+        usage_s[np.arange(self.n_nodes), self.usage_column] += 1.0
         return changed_layer(self, take_usage_s=usage_s)
 
     def with_danced(self, danced_before: AnyFloats) -> Layer:
@@ -372,6 +375,7 @@ class WordLayers:
         zeros, none, unknown = np.zeros(n_words), np.zeros((n_words, 0)), np.full(n_words, np.nan)
         return Layer(
             second=second, segment=words, offset=np.zeros(n_words, np.int64), clip=take, take=take,
+            usage_column=take,
             take_names=self._names[take], genre=self._genres[take], style=self._style[words],
             take_usage_s=none, take_frames=frames[:, [0, -1]], density_mismatch=zeros, unmatched_beat=zeros,
             first_beat=unknown, last_beat=unknown, time_map_id=(take + 1) * _TAKE_FRAMES + words - slot,

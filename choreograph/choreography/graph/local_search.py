@@ -234,7 +234,7 @@ class _Rest:
                         counts[second, motif] += 1
             if usage_s.shape[1]:
                 usage_s[second] = usage_s[second + 1] * kept
-                usage_s[second, layer.take[node]] += 1.0
+                usage_s[second, layer.usage_column[node]] += 1.0
         danced = np.full(layers[0].danced.shape[1], np.nan)
         for layer, node in zip(layers, path, strict=True):
             if layer.returns is not None:

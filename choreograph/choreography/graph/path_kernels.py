@@ -44,7 +44,7 @@ def arrays_of(
     step_cost = np.zeros((1, 1), np.float32) if signature is None else signature.step_costs(layer.second)
     steer = layer.steer_rad, np.cos(layer.steer_rad), np.sin(layer.steer_rad)
     return (
-        end_rad, layer.next_part.astype(np.int64), layer.take.astype(np.int64), start_rad,
+        end_rad, layer.next_part.astype(np.int64), layer.usage_column.astype(np.int64), start_rad,
         layer.part.astype(np.int64), np.ascontiguousarray(series, np.float64),
         np.stack([*places, np.zeros(layer.n_nodes)], axis=1),
         np.ascontiguousarray(layer.motifs, np.int16), number, is_return, form_weight, step_cost,

@@ -203,6 +203,7 @@ class ClipTable:
 
     take: AnyInts  # (N,)
     start_frame: AnyInts  # (N,) in its take, 20 fps
+    usage_column: AnyInts  # (takes,) of each take, see `Layer`
     take_names: NDArray[np.str_]  # (takes,)
     genres: NDArray[np.str_]  # (takes,)
     style: NDArray[np.float32]  # (N, 32)
@@ -223,7 +224,7 @@ class LayerSource:
 
     Parameters
     ----------
-    tie_break_s : float array (takes,)     recent usage that each take starts with. None if it is not counted
+    tie_break_s : float array (columns,)   recent usage that each take starts with. None if it is not counted
     motifs : int array (S, K, 4, W)        of each node, see `node_motifs`. None if no cost uses motifs
     n_motifs : number of motifs in the vocabulary
     goal_starts : seconds at which the count of motifs restarts
@@ -257,7 +258,7 @@ class LayerSource:
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
         usage_s = np.zeros(0) if tie_break_s is None else tie_break_s
-        self._usage_at_start_s = usage_s.astype(np.float32)  # (takes,), or (0,)
+        self._usage_at_start_s = usage_s.astype(np.float32)  # (columns,), or (0,)
         self._clips = clips
         self._poses = poses
         self._goal_starts = frozenset(goal_starts)
@@ -304,6 +305,7 @@ class LayerSource:
             layer,
             walk_m=walk_m,
             take_usage_s=_repeated(self._usage_at_start_s, layer.n_nodes),
+            usage_column=self._clips.usage_column[layer.take],
             danced=_repeated(self._not_danced, layer.n_nodes),
             new_goal=layer.second in self._goal_starts,
             moments=self._moments[layer.second],
@@ -346,6 +348,7 @@ class LayerSource:
             offset=offset,
             clip=clip,
             take=take,
+            usage_column=np.zeros(len(clip), np.int64),
             take_names=clips.take_names[take],
             genre=clips.genres[take],
             style=clips.style[clip],
