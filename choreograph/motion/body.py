@@ -142,10 +142,10 @@ def ground_pos_m(body_pos_m: Floats) -> Floats:
 
 def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:
     """Poses (..., 21, 3) at heading 0 above the origin, or `vectors` (velocities), which are only rotated."""
-    rotation = rot.about_y(-heading_rad(body_pos_m))[..., None, :]  # (..., 1, 4)
+    turn_rad = -heading_rad(body_pos_m)[..., None]  # (..., 1)
     if vectors is not None:
-        return rot.rotate(rotation, vectors)
-    return rot.rotate(rotation, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])
+        return rot.rotate_about_y(turn_rad, vectors)
+    return rot.rotate_about_y(turn_rad, body_pos_m - ground_pos_m(body_pos_m)[..., None, :])
 
 
 def clips_to_root_frame(body_pos_m: Floats) -> Floats:
@@ -154,6 +154,6 @@ def clips_to_root_frame(body_pos_m: Floats) -> Floats:
     Travel and turning within a clip are kept.
     """
     middle = body_pos_m[..., body_pos_m.shape[-3] // 2, :, :]  # (..., 21, 3)
-    rotation = rot.about_y(-heading_rad(middle))[..., None, None, :]  # (..., 1, 1, 4)
+    turn_rad = -heading_rad(middle)[..., None, None]  # (..., 1, 1)
     mean_ground = ground_pos_m(body_pos_m).mean(axis=-2)[..., None, None, :]  # (..., 1, 1, 3)
-    return rot.rotate(rotation, body_pos_m - mean_ground)
+    return rot.rotate_about_y(turn_rad, body_pos_m - mean_ground)

@@ -1,9 +1,10 @@
-"""A page of times: stages of dances, and ratios of ways to do the same work, measured by turns in one run.
+"""A page of times: stages, whole processes, and ratios of ways to do the same work, by turns in one run.
 
     OMP_NUM_THREADS=1 python tests/benchmarks/page.py -o research/results/speed.md
 
-All times are CPU seconds of all threads. Where two ways are compared, each is measured several times by
-turns, and the ratio is that of the medians, so that other work on the machine slows both.
+All times are CPU seconds of all threads, beside which whole processes have wall times. Where two ways are
+compared, each is measured several times by turns, and the ratio is that of the medians, so that other work on
+the machine slows both.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from processes import process_table, processes
 from stages import measured, song_of, unit_s
 
 import choreograph as cg
@@ -154,6 +156,7 @@ def main() -> None:
         ours_s, loop_s = warps()
         plan_s, forward_s, bare_s = searches(first, SONGS_S[0], repertoire)
         changed = changes(first, SONGS_S[0], repertoire)
+        of_processes = processes(Path(folder))
     lines = [
         "# Speed",
         "",
@@ -166,6 +169,13 @@ def main() -> None:
         "## Stages of a dance",
         "",
         *stages,
+        "",
+        "## Whole processes",
+        "",
+        "`choreograph dance` from the command to the file, with imports and the opening of the repertoire: "
+        "medians of three runs, except for the one that compiles. CPU time is that of all processes.",
+        "",
+        *process_table(of_processes),
         "",
         "## Ratios",
         "",

@@ -124,6 +124,15 @@ def test_rotation_about_the_vertical(angle):
     assert float(rot.yaw(rotation)) == pytest.approx(angle)
 
 
+@laws
+@given(seeds, shapes)
+def test_turns_about_the_vertical_are_those_of_quaternions(seed, shape):
+    rng = np.random.default_rng(seed)
+    angle, vector = 9 * rng.normal(size=(*shape, 1)), rng.normal(size=(*shape, 5, 3))
+    expected = rot.rotate(rot.about_y(angle), vector)
+    np.testing.assert_array_equal(rot.rotate_about_y(angle, vector), expected)
+
+
 def test_a_quaternion_of_zero_is_the_identity():
     assert np.array_equal(rot.normalize(np.zeros((2, 4))), np.tile(rot.IDENTITY, (2, 1)))
 
