@@ -37,6 +37,7 @@ def pytest_collection() -> Iterator[None]:
 
     What the tests have imported stays until the end: later passes leave it out.
     """
+    _build_in_one_process()
     _open_built_in_repertoire_once()
     gc.disable()
     try:
@@ -44,6 +45,13 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.enable()
         gc.freeze()
+
+
+def _build_in_one_process() -> None:
+    """Builds start no processes unless told to: trainings that tests shorten are shortened in this one only."""
+    from choreograph.core import workers
+
+    workers.n_cores = lambda: 1
 
 
 def _open_built_in_repertoire_once() -> None:

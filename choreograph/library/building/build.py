@@ -130,7 +130,12 @@ def _write_built(
         notes += [*music_notes, *song_notes([m.take for m in measured], songs)]
         features = _clip_features(nets, options, notes)
         notes += segment_notes
-        words = _words(segmented, words_net, options, notes)
+        words = _WordParts()
+        if options.words:
+            trained = words_net()
+            if elsewhere is not None and trained.progress is not None:
+                context.report(trained.progress)
+            words = _words(segmented, trained, options, notes)
     arrays = to_arrays(
         measured,
         embed_motion=features.embed_motion,
@@ -217,33 +222,47 @@ class _WordParts:
     vocabulary: Vocabulary | None = None
 
 
-def _unseen(progress: TrainingProgress) -> None:
-    """The report of a training in another process. Its progress is not seen."""
-
-
 def _trained_words(
     segmented: Sequence[SegmentedTake],
     pretrained: PretrainedWeights,
     options: BuildOptions,
     context: TrainingContext,
-) -> tuple[NetArrays | None, list[Note]]:
-    """The network of motion words, and notes on its training."""
-    notes: list[Note] = []
-    context = replace(context, note=lambda text: notes.append(Note("training", values={"text": text})))
-    return train_word_network(segmented, pretrained, options=options, context=context), notes
+) -> _TrainedWords:
+    """The network of motion words, with notes on its training and the last of its progress."""
+    trained = _TrainedWords()
+
+    def report(progress: TrainingProgress) -> None:
+        trained.progress = progress
+        context.report(progress)
+
+    def note(text: str) -> None:
+        trained.notes.append(Note("training", values={"text": text}))
+
+    own = replace(context, report=report, note=note)
+    trained.net = train_word_network(segmented, pretrained, options=options, context=own)
+    return trained
+
+
+@dataclass(eq=False)
+class _TrainedWords:
+    net: NetArrays | None = None
+    notes: list[Note] = field(default_factory=list)
+    progress: TrainingProgress | None = None
+
+
+def _unseen(progress: TrainingProgress) -> None:
+    """The report of a training in another process, whose progress is seen when it has ended."""
 
 
 def _words(
     segmented: Sequence[SegmentedTake],
-    words_net: Callable[[], tuple[NetArrays | None, list[Note]]],
+    trained: _TrainedWords,
     options: BuildOptions,
     notes: list[Note],
 ) -> _WordParts:
     """The takes' motion words, their networks and their motifs. Appends to `notes`."""
-    if not options.words:
-        return _WordParts()
-    net, training_notes = words_net()
-    notes += training_notes
+    net = trained.net
+    notes += trained.notes
     nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in segmented)
     if net is None or n_words < FEWEST_WORDS:
