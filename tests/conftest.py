@@ -48,7 +48,7 @@ def pytest_collection() -> Iterator[None]:
 
 
 def _build_in_one_process() -> None:
-    """Builds start no processes unless told to: trainings that tests shorten are shortened in this one only."""
+    """Builds start no processes unless told to, since trainings are shortened in this one only."""
     from choreograph.core import workers
 
     workers.n_cores = lambda: 1
