@@ -26,7 +26,8 @@ from short_trainings import shorten_trainings
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.build import build_repertoire
 shorten_trainings()
-build_repertoire([sys.argv[1]], sys.argv[2], BuildOptions(preset="tiny", style_changes={"steps": 3}))
+options = BuildOptions(preset="tiny", style_changes={"steps": 3}, workers=1)
+build_repertoire([sys.argv[1]], sys.argv[2], options)
 """
 RESUMED = replace(TINY, resume=True)
 
