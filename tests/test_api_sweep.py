@@ -123,23 +123,17 @@ def values_of(instance: Any) -> dict[str, Any]:
 
 def sound_calls(t: SimpleNamespace) -> dict[str, Sound]:
     """By public name, of which some are called in several ways, told apart after a colon."""
-    return {**sound_classes(t), **sound_functions(t)}
+    return {**sound_classes(t), **sound_layers(t), **sound_functions(t)}
 
 
 def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
-    """The calls of classes and of their methods."""
-    motion, skeleton, layer, stream = t.motion, t.motion.skeleton, t.layer, t.stream
+    """The calls of classes and of their methods, but for `sound_layers`."""
+    motion, skeleton, stream = t.motion, t.motion.skeleton, t.stream
     return {
         "Ban": sound(cg.Ban, genre="a"),
         "BuildOptions": sound(cg.BuildOptions),
         "BuildResult": sound(cg.BuildResult, repertoire=t.repertoire, notes=()),
         "BvhOptions": sound(cg.BvhOptions),
-        "Cost": sound(cg.Cost),
-        "Cost.edge": sound(cg.Cost().edge, previous=layer, next=t.next_layer, song_features=t.features),
-        "Cost.min_edge_costs": sound(
-            cg.Cost().min_edge_costs, previous=layer, next=t.next_layer, song_features=t.features
-        ),
-        "Cost.node": sound(cg.Cost().node, layer=layer, song_features=t.features),
         "Counts": sound(cg.Counts, **values_of(t.counts)),
         "Counts.within": sound(t.counts.within, start_s=0.0, end_s=1.0),
         "Credits": sound(cg.Credits),
@@ -154,16 +148,6 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
             t.character.with_animation, performance=t.performance, name="dance"
         ),
         "Keep": sound(cg.Keep, start_s=0.0, end_s=1.0),
-        "Layer": sound(cg.Layer, **values_of(layer)),
-        "Layer.subset": sound(layer.subset, nodes=np.array([0])),
-        "Layer.poses_m": sound(layer.poses_m, shares=(0.0, 1.0)),
-        "Layer.headings_rad": sound(layer.headings_rad, shares=(0.5,)),
-        "Layer.travel_m": sound(layer.travel_m, shares=(0.5, 1.0)),
-        "Layer.successors_in": sound(layer.successors_in, following=t.next_layer),
-        "Layer.with_motif_counts": sound(layer.with_motif_counts, counts_before=layer.motif_counts),
-        "Layer.with_danced": sound(layer.with_danced, danced_before=layer.danced),
-        "Layer.with_take_usage": sound(layer.with_take_usage, usage_before_s=layer.take_usage_s),
-        "Layer.with_turn": sound(layer.with_turn, before=layer, parent=np.arange(layer.n_nodes)),
         "Motion": sound(cg.Motion, **values_of(motion)),
         "Motion.moved": sound(motion.moved, yaw_rad=1.0, shift_m=np.zeros(3)),
         "Motion.resampled": sound(motion.resampled, fps=20.0),
@@ -207,11 +191,34 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Skeleton.same_as": sound(skeleton.same_as, other=skeleton),
         "Song": sound(cg.Song, samples=np.zeros(100), name="quiet"),
         "Song.part": sound(t.song.part, start_s=0.5),
+        "Take": sound(cg.Take, **values_of(t.take)),
+        "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
+    }  # fmt: skip
+
+
+def sound_layers(t: SimpleNamespace) -> dict[str, Sound]:
+    """The calls of what a custom cost is given."""
+    layer = t.layer
+    return {
+        "Cost": sound(cg.Cost),
+        "Cost.edge": sound(cg.Cost().edge, previous=layer, next=t.next_layer, song_features=t.features),
+        "Cost.min_edge_costs": sound(
+            cg.Cost().min_edge_costs, previous=layer, next=t.next_layer, song_features=t.features
+        ),
+        "Cost.node": sound(cg.Cost().node, layer=layer, song_features=t.features),
+        "Layer": sound(cg.Layer, **values_of(layer)),
+        "Layer.subset": sound(layer.subset, nodes=np.array([0])),
+        "Layer.poses_m": sound(layer.poses_m, shares=(0.0, 1.0)),
+        "Layer.headings_rad": sound(layer.headings_rad, shares=(0.5,)),
+        "Layer.travel_m": sound(layer.travel_m, shares=(0.5, 1.0)),
+        "Layer.successors_in": sound(layer.successors_in, following=t.next_layer),
+        "Layer.with_motif_counts": sound(layer.with_motif_counts, counts_before=layer.motif_counts),
+        "Layer.with_danced": sound(layer.with_danced, danced_before=layer.danced),
+        "Layer.with_take_usage": sound(layer.with_take_usage, usage_before_s=layer.take_usage_s),
+        "Layer.with_turn": sound(layer.with_turn, before=layer, parent=np.arange(layer.n_nodes)),
         "SongFeatures": sound(cg.SongFeatures, **values_of(t.features)),
         "SongFeatures.section_at": sound(t.features.section_at, second=1),
         "SongFeatures.phrase_at": sound(t.features.phrase_at, second=1),
-        "Take": sound(cg.Take, **values_of(t.take)),
-        "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
     }  # fmt: skip
 
 

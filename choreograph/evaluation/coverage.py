@@ -242,7 +242,7 @@ def _lacks(songs: Sequence[SongCoverage]) -> tuple[Lack, ...]:
             if reason == GOOD:
                 continue
             bpm = song.tempo_bpm[second]
-            step = int(bpm // _TEMPO_STEP_BPM) * _TEMPO_STEP_BPM if np.isfinite(bpm) else 0
+            step = round(bpm) // _TEMPO_STEP_BPM * _TEMPO_STEP_BPM if np.isfinite(bpm) else 0
             energy = name if reason == ENERGY else ""
             seconds[reason, song.genres[second], song.metre, step, energy].append(song.song)
     lacks = [Lack(*kind, len(of), tuple(dict.fromkeys(of))) for kind, of in seconds.items()]

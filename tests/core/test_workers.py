@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from choreograph.core.errors import ChoreographError, FormatError
-from choreograph.core.workers import FEWEST, beside, each, n_cores, workers
+from choreograph.core.workers import FEWEST, beside, each, workers
 
 
 def square(number: int) -> int:
@@ -78,10 +78,6 @@ def test_an_input_whose_process_is_killed_twice_is_named(tmp_path):
         assert found == [square(i) if i != 5 else -5 for i in range(9)]
         with pytest.raises(ChoreographError, match=r"the work on input 6 of 9 .* killed twice"):
             list(each(always_dies, range(9)))
-
-
-def test_there_is_a_core_to_work_on():
-    assert n_cores() >= 1
 
 
 def add(one: int, other: int) -> int:

@@ -82,9 +82,7 @@ class Layer:
     offset: AnyInts  # (N,) 0 … 3: the node's quarter of its segment
     clip: AnyInts  # (N,) index in the repertoire
     take: AnyInts  # (N,) index in the repertoire
-    usage_column: (
-        AnyInts  # (N,) of the node's take in `take_usage_s`, which has one for each take of candidates
-    )
+    usage_column: AnyInts  # (N,) of the node's take in `take_usage_s`: one for each take of candidates
     take_names: NDArray[np.str_]  # (N,)
     genre: NDArray[np.str_]  # (N,)
     style: AnyFloats  # (N, 32) of the clip
