@@ -7,6 +7,7 @@ the phase in its word, in the beat and in the bar.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import torch
@@ -28,7 +29,7 @@ from choreograph.nets.rollout_poses import (
     STYLE_WIDTH,
     RolloutConditions,
 )
-from choreograph.nets.stored import BodyKinematics, StoredNet, geodesic_rad
+from choreograph.nets.stored import BodyKinematics, StoredNet, geodesic_rad, in_float32
 from choreograph.nets.words import WordNet
 
 # The network.
@@ -114,7 +115,8 @@ class RolloutNet(StoredNet):
             input_gate, forget_gate, cell_gate, output_gate = gates.chunk(4, dim=-1)
             cell = forget_gate.sigmoid() * cell + input_gate.sigmoid() * cell_gate.tanh()
             next_state.append((output_gate.sigmoid() * cell.tanh(), cell))
-        output = self.out(torch.cat([next_state[-1][0], condition], dim=-1))
+        with in_float32(pose):  # rounded poses would tremble
+            output = self.out(torch.cat([next_state[-1][0].float(), condition.float()], dim=-1))
         root = output[..., :ROOT_DIM] * self.root_std + self.root_mean
         quat = self.rotations(output)
         return torch.cat([root, quat.flatten(-2), output[..., -N_FEET:]], dim=-1), next_state
@@ -184,6 +186,13 @@ class RolloutBatch:
     word_sequence: Tensor  # (M,) the sequence of each word
     word_motif: Tensor  # (M, 184) the embedding that each word is conditioned on
 
+    def to(self, device: torch.device) -> RolloutBatch:
+        """The sequences on a device."""
+        return RolloutBatch(
+            self.pose.to(device), self.conditions.mapped(lambda rows: rows.to(device)),
+            self.word_frames.to(device), self.word_sequence.to(device), self.word_motif.to(device),
+        )  # fmt: skip
+
 
 _FEET = [[BODY_JOINTS.index(f"{side}_{part}") for part in ("ankle", "foot")] for side in ("left", "right")]
 
@@ -193,8 +202,13 @@ class RolloutLosses:
 
     def __init__(self, skeleton: Skeleton, words: WordNet, config: RolloutConfig) -> None:
         self._kinematics = BodyKinematics(skeleton)
-        self._words = words.eval().requires_grad_(False)
+        self._words = copy.deepcopy(words).eval().requires_grad_(False)
         self._config = config
+
+    def to(self, device: torch.device) -> RolloutLosses:
+        """The same losses, after their word network was moved to a device."""
+        self._words.to(device)
+        return self
 
     def total(
         self, net: RolloutNet, predicted: Tensor, batch: RolloutBatch, *, self_fed_frames: int

@@ -6,7 +6,7 @@ defines the network in torch.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -57,6 +57,14 @@ class RolloutConditions(Generic[_Rows]):
     word_s: _Rows  # (T,) duration of the word
     count_phase: _Rows  # (T, 4) of `core.counts`
     spectral: _Rows | None  # (T, 87) of the music of the word, or None without style
+
+    def mapped(self, change: Callable[[_Rows], _Rows]) -> RolloutConditions[_Rows]:
+        """The conditions with each of their arrays changed."""
+        spectral = None if self.spectral is None else change(self.spectral)
+        return RolloutConditions(
+            change(self.motif), change(self.rhythm), change(self.progress), change(self.word_s),
+            change(self.count_phase), spectral,
+        )  # fmt: skip
 
 
 def to_poses(motion: Motion) -> NDArray[np.float32]:

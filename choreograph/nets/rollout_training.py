@@ -255,8 +255,9 @@ def train_rollout(
             config.batch_size, rng, own_embedding_share=config.own_embedding_share, with_style=with_style
         )
         self_fed_frames = int(rng.choice(config.self_fed_frames))
+        batch = batch.to(device)
         predicted = unroll(net, batch, self_fed_frames=self_fed_frames)
-        return losses.total(net, predicted, batch, self_fed_frames=self_fed_frames)
+        return losses.to(device).total(net, predicted, batch, self_fed_frames=self_fed_frames)
 
     train(
         net,

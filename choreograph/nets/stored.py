@@ -70,6 +70,11 @@ class StoredNet(nn.Module):
 # Differentiable forward kinematics: local rotations of any rig to body positions.
 
 
+def in_float32(values: Tensor) -> torch.autocast:
+    """A context without the mixed precision of a training, for the device of `values`."""
+    return torch.autocast(values.device.type, enabled=False)
+
+
 class BodyKinematics:
     """Positions of the 21 body joints of one skeleton, for batches of poses."""
 
@@ -94,7 +99,11 @@ class BodyKinematics:
 
     def body_pos_m(self, root_pos_m: Tensor, local_quat: Tensor) -> Tensor:
         """Positions (..., 21, 3) of roots (..., 3) and unit local rotations (..., J, 4)."""
-        local = rotation_matrices(local_quat)  # (..., J, 3, 3)
+        with in_float32(local_quat):
+            return self._body_pos_m(root_pos_m, rotation_matrices(local_quat))
+
+    def _body_pos_m(self, root_pos_m: Tensor, local: Tensor) -> Tensor:
+        """Positions (..., 21, 3) of roots (..., 3) and local rotation matrices (..., J, 3, 3)."""
         offsets = self._offsets.to(local)
         rotation: list[Tensor] = [local[..., 0, :, :]] * self._n_joints
         position: list[Tensor] = [root_pos_m] * self._n_joints

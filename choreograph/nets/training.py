@@ -66,6 +66,7 @@ class TrainingContext:
     folder: Path | None = None  # of the checkpoint NAME.pt and the log NAME.jsonl, or None for neither
     resume: bool = False  # from the checkpoint, if there is one
     device: str = "auto"
+    precision: str = "float32"  # of products in networks, or "bfloat16"
     report: Callable[[TrainingProgress], None] = lambda progress: None
     # Training data and settings other than the configuration of the network: name -> checksum or setting. A
     # checkpoint with other content is not continued.
@@ -118,7 +119,8 @@ def train(
         try:
             while run.step < n_steps:
                 torch.manual_seed((seed * _SEED_STRIDE + run.step) % 2**63)
-                value = loss(np.random.default_rng([seed, run.step]), device)
+                with torch.autocast(device.type, torch.bfloat16, enabled=context.precision == "bfloat16"):
+                    value = loss(np.random.default_rng([seed, run.step]), device)
                 optimizer.zero_grad()
                 torch.autograd.backward(value)
                 optimizer.step()

@@ -126,6 +126,18 @@ def test_training_lowers_the_loss_and_is_deterministic(synthetic, tmp_path):
     assert RolloutNet.from_arrays(arrays, stored).config == net.config
 
 
+def test_training_in_bfloat16_follows_training_in_float32(synthetic):
+    takes, words = synthetic
+    losses = {}
+    for precision in ("float32", "bfloat16"):
+        seen = []
+        context = TrainingContext(precision=precision, report=seen.append)
+        net = train_rollout(takes, words, rollout_config("tiny", steps=12), seed=1, context=context)
+        assert all(value.dtype == torch.float32 for value in net.state_dict().values())
+        losses[precision] = np.array([progress.loss for progress in seen])
+    assert 0 < np.abs(losses["bfloat16"] / losses["float32"] - 1).max() < 0.05
+
+
 def test_takes_too_short_are_refused_in_one_line(synthetic):
     takes, words = synthetic
     with pytest.raises(ParameterError, match=r"motion words for over 333\.3 s"):

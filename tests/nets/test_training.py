@@ -37,7 +37,7 @@ def _run(
     return train(
         module, loss, name="toy", n_steps=steps, learning_rate=1e-2, weight_decay=0.01, seed=seed,
         configuration={"width": width},
-        context=TrainingContext(folder, resume, "cpu", report, content or {}, note),
+        context=TrainingContext(folder, resume, "cpu", "float32", report, content or {}, note),
     )  # fmt: skip
 
 

@@ -49,8 +49,9 @@ def training_context(
     from choreograph.nets.training import TrainingContext
 
     return TrainingContext(
-        work, options.resume, options.device, report or (lambda progress: None), content, note
-    )
+        work, options.resume, options.device, options.precision, report or (lambda progress: None),
+        content, note,
+    )  # fmt: skip
 
 
 def source_checksums(
@@ -83,6 +84,7 @@ def training_content(
         "choreograph": version("choreograph"),
         "beats": options.beats,
         "lock_feet": str(options.lock_feet),
+        "precision": options.precision,
         "pretrained": _digest([options.pretrained, *shipped_checksums(options.pretrained)]),
         "keep_networks": str(options.keep_networks),
         "init_from": "" if options.init_from is None else sha256_of(options.init_from)[:_DIGITS],

@@ -18,6 +18,7 @@ from choreograph.nets.configs import config_from_preset, density_config, rollout
 Preset = Literal["tiny", "small", "paper"]
 Density = Literal["analytic", "learned"]
 Device = Literal["auto", "cpu", "cuda"]
+Precision = Literal["float32", "bfloat16"]
 Pretrained = Literal["default", "clean", "research", "nothing"]
 Tracker = Literal["network", "tempo-path", "librosa", "beat-this"]
 
@@ -51,6 +52,10 @@ class BuildOptions:
 
     device: Device = "auto"
     """Where networks are trained. "auto" uses a GPU if there is one."""
+
+    precision: Precision = "float32"
+    """Arithmetic of the networks in training. "bfloat16" rounds what they multiply, not their weights, their
+    poses or their losses. Results then differ from those with "float32"."""
 
     beats: Tracker = "network"
     """Beat tracker for the songs of the takes. Change it if takes are counted wrongly."""
@@ -141,6 +146,7 @@ class BuildSettings(TypedDict, total=False):
     density: Density
     seed: int
     device: Device
+    precision: Precision
     beats: Tracker
     workers: int
     resume: bool
