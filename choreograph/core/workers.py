@@ -33,12 +33,21 @@ def n_cores() -> int:
 
 @contextmanager
 def workers(n: int) -> Iterator[None]:
-    """Inside, `each` uses `n` processes, or this one if `n` is 1."""
+    """Inside, `each` and `beside` use `n` processes, or this one if `n` is 1. They end with the block."""
     token = _n_workers.set(n)
     try:
         yield
     finally:
         _n_workers.reset(token)
+        if n > 1 and _n_workers.get() == 1:
+            _end_processes()
+
+
+def _end_processes() -> None:
+    """Idle processes would keep their memory, and a fork of this process would wait for them for ever."""
+    from joblib.externals.loky import get_reusable_executor
+
+    get_reusable_executor(reuse=True).shutdown(wait=True)
 
 
 def each(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -117,3 +119,25 @@ def test_an_error_beside_ends_the_other_process():
         raise ZeroDivisionError
     with workers(2):
         assert list(each(square, range(8))) == [square(i) for i in range(8)]
+
+
+FORKED = """
+import os
+from choreograph.core.workers import each, workers
+
+def twice():
+    with workers(2):
+        return list(each(abs, range(8)))
+
+twice()
+pid = os.fork()
+if pid == 0:
+    os._exit(0 if twice() == list(range(8)) else 1)
+raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks on this system")
+def test_a_fork_starts_processes_of_its_own():
+    """It would wait for ever for those of its parent."""
+    subprocess.run([sys.executable, "-c", FORKED], check=True, timeout=120)
