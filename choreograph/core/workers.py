@@ -72,9 +72,10 @@ def each(
     while done < len(inputs):
         stop = done + 1 if one_by_one else len(inputs)
         try:
-            for result in _started(n, function, inputs[done:stop]):
-                yield _taken(result)
-                done, one_by_one = done + 1, max(0, one_by_one - 1)
+            with _ended(_started(n, function, inputs[done:stop])) as results:
+                for result in results:
+                    yield _taken(result)
+                    done, one_by_one = done + 1, max(0, one_by_one - 1)
         except BrokenProcessPool:
             if one_by_one == 0:  # any of those that were begun may have done it
                 one_by_one = (_AHEAD + 1) * n
@@ -100,16 +101,24 @@ def beside(
     if elsewhere is None or _n_workers.get() == 1:
         yield here
         return
-    running = _started(2, _call, [elsewhere])
+    with _ended(_started(2, _call, [elsewhere])) as running:
 
-    def result() -> _Result:
-        try:
-            return _taken(next(running))
-        except BrokenProcessPool:
-            return here()
+        def result() -> _Result:
+            try:
+                return _taken(next(running))
+            except BrokenProcessPool:
+                return here()
 
-    try:
         yield result
+
+
+@contextmanager
+def _ended(
+    running: Generator[_Result | _Failed, None, None],
+) -> Iterator[Generator[_Result | _Failed, None, None]]:
+    """At the end, work that is still running is given up."""
+    try:
+        yield running
     finally:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on work that is given up
