@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -125,9 +126,11 @@ def _deflated_zeros(file: h5py.File) -> None:
     for name in OF_FRAMES:
         shape, kind = (n_frames, *file[name].shape[1:]), file[name].dtype
         del file[name]
-        file.create_dataset(name, shape, kind, chunks=(30_000, *shape[1:]), compression="gzip", fillvalue=1.0)
-        for row in range(0, n_frames, 60_000):
-            file[name][row : row + 60_000] = 0.0
+        chunks = (30_000, *shape[1:])
+        rows = file.create_dataset(name, shape, kind, chunks=chunks, compression="gzip", fillvalue=1.0)
+        zeros = zlib.compress(bytes(kind.itemsize * int(np.prod(chunks))))
+        for row in range(0, n_frames, chunks[0]):  # as they are stored, or each would be compressed often
+            rows.id.write_direct_chunk((row, *[0] * (len(shape) - 1)), zeros)
     file["takes/body_stop"][-1] = n_frames
 
 
