@@ -23,6 +23,7 @@ from choreograph.cli.present import (
 )
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import counted
+from choreograph.core.workers import is_of_torchrun
 
 if TYPE_CHECKING:
     from choreograph.library.building.options import BuildOptions
@@ -135,7 +136,6 @@ def command(
     takes of dance-with-melody), AIST++ and AMASS are read as well. A folder may hold several layouts.
     NAME.counts.csv beside NAME.bvh states the counts of a take: time_s,number,figure.
     """
-    import choreograph as cg
     from choreograph.library.building.options import BuildOptions
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.settings import published_build
@@ -158,10 +158,24 @@ def command(
         _check(sources, built_with, quiet=quiet)
         return
     assert output is not None
+    if is_of_torchrun():
+        from choreograph.nets.processes import joined
+
+        with joined() as is_first:
+            if is_first:
+                _build(sources, output, built_with, quiet=quiet)
+        return
+    _build(sources, output, built_with, quiet=quiet)
+
+
+def _build(sources: Sequence[Path], output: Path, settings: BuildOptions, *, quiet: bool) -> None:
+    """Build the repertoire and print what was built. At Ctrl-C, exit with status 130."""
+    import choreograph as cg
+
     try:
         with stages(quiet=quiet) as shown:
             built = cg.build(
-                sources, output, options=built_with, report=shown.report, training_report=shown.training
+                sources, output, options=settings, report=shown.report, training_report=shown.training
             )
     except KeyboardInterrupt:
         say("stopped: the same command with --resume continues from here", err=True)

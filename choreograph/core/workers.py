@@ -8,6 +8,7 @@ costs the work that it had begun, which is done again. Processes are those of jo
 from __future__ import annotations
 
 import os
+import pickle
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
@@ -29,6 +30,18 @@ _n_workers: ContextVar[int] = ContextVar("n_workers", default=1)
 def n_cores() -> int:
     """The number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def is_of_torchrun() -> bool:
+    """Whether `torchrun` started this process, beside others that train with it (`nets.processes`)."""
+    return "TORCHELASTIC_RUN_ID" in os.environ
+
+
+def pickled(value: object) -> bytes:
+    """A value, which may have functions that are defined in functions, as bytes for `pickle.loads`."""
+    from joblib import wrap_non_picklable_objects
+
+    return pickle.dumps(wrap_non_picklable_objects(value, keep_wrapper=False))
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from choreograph.music.beats import tempo_path_beats
 from choreograph.nets.configs import DensityConfig
 from choreograph.nets.density import MotionDecoder, MotionDensity, MusicDensity, standardised
 from choreograph.nets.inference import MEL_FRAMES
+from choreograph.nets.processes import own_rows
 from choreograph.nets.style import centred, rotated_about_y
 from choreograph.nets.style_training import StyleTake, augment_mel
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
@@ -336,10 +337,9 @@ def train_motion_density(
         pairs = warped_pairs(
             usable, config.batch_size, rng, mirrored_share=config.mirrored_share, augmented=config.augmented
         )
-        return density_loss(estimator, decoder, pairs.to(device), config)
+        return density_loss(estimator, decoder, own_rows(pairs).to(device), config)
 
     n_clips = sum(len(take.body_pos_m) for take in usable) / CLIP_FRAMES
-
     train(
         nets,
         loss,
@@ -379,7 +379,7 @@ def train_music_density(
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
         mel, target = data.batch(config.music_batch_size, rng, augmented=config.augmented)
-        return functional.mse_loss(net(mel.to(device)), target.to(device))
+        return functional.mse_loss(net(own_rows(mel).to(device)), own_rows(target).to(device))
 
     train(
         net,

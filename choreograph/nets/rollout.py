@@ -185,12 +185,28 @@ class RolloutBatch:
     word_frames: Tensor  # (M, 13) fractional frames of the words, in 0 … T - 1
     word_sequence: Tensor  # (M,) the sequence of each word
     word_motif: Tensor  # (M, 184) the embedding that each word is conditioned on
+    word_weight: float = 1.0  # of means over the words
 
     def to(self, device: torch.device) -> RolloutBatch:
         """The sequences on a device."""
         return RolloutBatch(
             self.pose.to(device), self.conditions.mapped(lambda rows: rows.to(device)),
             self.word_frames.to(device), self.word_sequence.to(device), self.word_motif.to(device),
+            self.word_weight,
+        )  # fmt: skip
+
+    def part(self, rows: slice) -> RolloutBatch:
+        """Some of the sequences, and their words.
+
+        Parts may have more or fewer words. With the weight of the words, the mean loss of equal parts is that
+        of the batch.
+        """
+        inside = (self.word_sequence >= rows.start) & (self.word_sequence < rows.stop)
+        share = (rows.stop - rows.start) / len(self.pose)
+        return RolloutBatch(
+            self.pose[rows], self.conditions.mapped(lambda values: values[rows]),
+            self.word_frames[inside], self.word_sequence[inside] - rows.start, self.word_motif[inside],
+            float(inside.sum()) / (share * max(1, len(inside))),
         )  # fmt: skip
 
 
@@ -307,7 +323,7 @@ class RolloutLosses:
         rows = batch.word_sequence[:, None]
         words = world_m[rows, low] * (1 - weight) + world_m[rows, low + 1] * weight  # (M, 13, 21, 3)
         result: Tensor = (self._words(words) - batch.word_motif).norm(dim=-1).mean()
-        return result
+        return batch.word_weight * result
 
 
 def _foot_slide_m_s(world_m: Tensor, contact: Tensor) -> Tensor:
@@ -337,4 +353,4 @@ def _border_speed_m_s(world_m: Tensor, target_m: Tensor, batch: RolloutBatch) ->
         speed[rows, low] * (1 - weight) + speed[rows, low + 1] * weight for speed in speeds
     )  # (M,)
     result: Tensor = (predicted - danced).abs().mean()
-    return result
+    return batch.word_weight * result

@@ -18,6 +18,7 @@ from choreograph.core.timebase import WORD_FRAMES
 from choreograph.motion.motion import Motion
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES
 from choreograph.nets.configs import RolloutConfig
+from choreograph.nets.processes import own_part
 from choreograph.nets.rollout import RolloutBatch, RolloutLosses, RolloutNet
 from choreograph.nets.rollout_poses import (
     N_FEET,
@@ -255,7 +256,7 @@ def train_rollout(
             config.batch_size, rng, own_embedding_share=config.own_embedding_share, with_style=with_style
         )
         self_fed_frames = int(rng.choice(config.self_fed_frames))
-        batch = batch.to(device)
+        batch = batch.part(own_part(config.batch_size)).to(device)
         predicted = unroll(net, batch, self_fed_frames=self_fed_frames)
         return losses.to(device).total(net, predicted, batch, self_fed_frames=self_fed_frames)
 

@@ -20,6 +20,7 @@ from choreograph.music.mel import N_BANDS
 from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
 from choreograph.nets.configs import StyleConfig
 from choreograph.nets.inference import MEL_FRAMES
+from choreograph.nets.processes import gathered, own_rows
 from choreograph.nets.style import StyleNets, centred, rotated_about_y
 from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
 
@@ -362,8 +363,8 @@ def train_style(
 def pair_loss(nets: StyleNets, batch: StyleBatch) -> Tensor:
     """Equation 1 and, unless `settings.loss` is "paper", contrast between songs and between genres."""
     config = nets.config
-    all_music = nets.style_of_music(batch.mel, batch.rhythm)  # (B + S, 32)
-    motion = nets.style_of_motion(batch.body)
+    all_music = gathered(nets.style_of_music(own_rows(batch.mel), own_rows(batch.rhythm)))  # (B + S, 32)
+    motion = gathered(nets.style_of_motion(own_rows(batch.body)))
     music = all_music[: len(motion)]
     loss: Tensor = style_loss(
         music,

@@ -4,6 +4,9 @@ The random numbers of a step depend only on the seed and the step's number. So a
 state, and an interrupted and resumed run ends with exactly the weights of an uninterrupted one. A checkpoint
 of other takes, songs or options is not continued, nor is a damaged one. Training then starts again, with a
 note that states the reason.
+
+Several processes of `torchrun` can share the steps (`nets.processes`). Only the first of them has files,
+reports and notes.
 """
 
 from __future__ import annotations
@@ -33,10 +36,19 @@ from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import atomic_path, writing
 from choreograph.nets.configs import DEVICES
+from choreograph.nets.processes import (
+    agreed,
+    average_gradients,
+    call_elsewhere,
+    from_first,
+    process_index,
+    shared_batch_norms,
+)
 
 CHECKPOINT_EVERY_S = 30.0
 LOG_LINES = 200  # of a run of any length, about
 _SEED_STRIDE = 0x9E3779B9  # spreads seed and step over torch's seeds
+_PROCESS_STRIDE = 1 << 48  # the same for processes, whose rows have dropout of their own
 
 # The errors of torch and zipfile for a file that is not a checkpoint. It depends on the bytes which is
 # raised.
@@ -93,7 +105,8 @@ def train(
 
     Parameters
     ----------
-    loss : a scalar, given the step's random generator and the module's device
+    loss : a scalar, given the step's random generator and the module's device. With several processes, it is
+        of the rows of `processes.own_rows`, or uses outputs for all rows by `processes.gathered`
     schedule : of the learning rate, "cosine" after a warm-up, or "constant"
     configuration : JSON values. A checkpoint is continued if it has these and the context's `content`
 
@@ -107,6 +120,11 @@ def train(
     """
     context = context or TrainingContext()
     device = select_device(context.device)
+    call_elsewhere(
+        train, module, loss, name=name, n_steps=n_steps, learning_rate=learning_rate,
+        weight_decay=weight_decay, seed=seed, configuration=configuration, schedule=schedule,
+        context=TrainingContext(device=context.device, precision=context.precision),
+    )  # fmt: skip
     module.to(device).train()
     optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
     factor = (lambda step: 1.0) if schedule == "constant" else lambda step: _cosine_factor(step, n_steps)
@@ -115,18 +133,21 @@ def train(
     expected = json.loads(json.dumps({**context.content, **configuration, "seed": seed, "steps": n_steps}))
     run = _Run(name, n_steps, module, optimizer, rate, expected, context)
     run.restore_or_start()
-    with torch.random.fork_rng(), _defer_interrupts() as interrupted:
+    own_seed = seed * _SEED_STRIDE + process_index() * _PROCESS_STRIDE
+    with torch.random.fork_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
         try:
             while run.step < n_steps:
-                torch.manual_seed((seed * _SEED_STRIDE + run.step) % 2**63)
+                torch.manual_seed((own_seed + run.step) % 2**63)
                 with torch.autocast(device.type, torch.bfloat16, enabled=context.precision == "bfloat16"):
                     value = loss(np.random.default_rng([seed, run.step]), device)
                 optimizer.zero_grad()
                 torch.autograd.backward(value)
+                average_gradients(module)
                 optimizer.step()
                 rate.step()
-                run.advance(float(value.detach()))
-                if interrupted():
+                mean, is_interrupted = agreed(float(value.detach()), interrupted())
+                run.advance(mean)
+                if is_interrupted:
                     raise _Interrupted
         except _Interrupted:
             run.save()
@@ -225,7 +246,16 @@ class _Run:
         self._start_time = self._saved_time = time.monotonic()
 
     def restore_or_start(self) -> None:
-        """Restore the checkpoint if there is one and `resume` is set. Otherwise start an empty log."""
+        """Restore the checkpoint if there is one and `resume` is set. Otherwise start an empty log.
+
+        Other processes take the state of the first one.
+        """
+        self._restore_or_start()
+        state = from_first(self._state)
+        if state is not None:
+            self._load(torch.load(io.BytesIO(state), weights_only=True, map_location="cpu"))
+
+    def _restore_or_start(self) -> None:
         if self.checkpoint is None or self.log is None:
             return
         with writing(self.checkpoint):
@@ -247,17 +277,20 @@ class _Run:
             change = self._change_since(json.loads(stored["configuration"]))
             if change:
                 return change
-            for key, part in self.parts.items():
-                part.load_state_dict(stored[key])
-            step = int(stored["step"])
-            if not 0 <= step <= self.n_steps:
-                raise ValueError(f"step {step} of {self.n_steps}")
+            self._load(stored)
         except _UNREADABLE:
             for key, part in self.parts.items():
                 part.load_state_dict(initial[key])
             return "the checkpoint is damaged"
-        self.step = self._first_step = step
         return ""
+
+    def _load(self, stored: Mapping[str, Any]) -> None:
+        for key, part in self.parts.items():
+            part.load_state_dict(stored[key])
+        step = int(stored["step"])
+        if not 0 <= step <= self.n_steps:
+            raise ValueError(f"step {step} of {self.n_steps}")
+        self.step = self._first_step = step
 
     def _change_since(self, stored: Mapping[str, Any]) -> str:
         """The difference to the configuration of a checkpoint, or empty if there is none."""
@@ -299,13 +332,17 @@ class _Run:
         """Write the checkpoint atomically."""
         if self.checkpoint is None:
             return
+        state = self._state()
+        with atomic_path(self.checkpoint) as temporary:
+            temporary.write_bytes(state)
+        self._saved_time = time.monotonic()
+
+    def _state(self) -> bytes:
         state = {key: part.state_dict() for key, part in self.parts.items()}
         state |= {"step": self.step, "configuration": json.dumps(self.configuration)}
         content = io.BytesIO()
         torch.save(state, content)
-        with atomic_path(self.checkpoint) as temporary:
-            temporary.write_bytes(content.getvalue())
-        self._saved_time = time.monotonic()
+        return content.getvalue()
 
 
 def _shortened(value: Any) -> str:

@@ -19,6 +19,7 @@ from choreograph.core.timebase import WORD_FRAMES
 from choreograph.motion.body import BODY_JOINTS, mirrored
 from choreograph.nets.configs import WORD_DIM, WordConfig
 from choreograph.nets.inference import WordEmbedder
+from choreograph.nets.processes import gathered, own_rows
 from choreograph.nets.stored import StoredNet
 from choreograph.nets.training import TrainingContext, load_pretrained, train
 
@@ -310,7 +311,7 @@ def word_loss(net: WordNet, batch: AugmentedWords) -> Tensor:
     """
     config = net.config
     true_m = mean_joint_distance_m(clips_to_root_frame(batch.words))  # (B, B)
-    first, second = net(batch.first), net(batch.second)
+    first, second = (gathered(net(own_rows(copies))) for copies in (batch.first, batch.second))
     distance_m = torch.cdist(first, second)  # (B, B)
     target = functional.softmax(-((true_m / config.same_m) ** 2), dim=1)
     logits = -((distance_m / config.same_m) ** 2)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
-from choreograph.core.workers import beside, n_cores, workers
+from choreograph.core.workers import beside, is_of_torchrun, n_cores, workers
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.networks import (
     STYLE_NET,
@@ -121,7 +121,8 @@ def _write_built(
         notes.append(Note("counting networks", values={"networks": shipped[MOTION_NET].description}))
     segmented, segment_notes = segment_takes(measured, songs, report=report) if options.words else ([], [])
     train_words = partial(_trained_words, segmented, pretrained, options)
-    at_once = options.words and not pretrained.keep and select_device(options.device).type == "cpu"
+    at_once = options.words and not (pretrained.keep or is_of_torchrun())
+    at_once = at_once and select_device(options.device).type == "cpu"
     elsewhere = partial(train_words, replace(context, report=_unseen)) if at_once else None
     with beside(partial(train_words, context), elsewhere) as words_net:
         nets, trained_on, music_notes = train_music_networks(
