@@ -15,7 +15,7 @@ import os
 import pickle
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields
 from datetime import timedelta
 from functools import partial
@@ -43,7 +43,8 @@ def joined() -> Iterator[bool]:
     """Join the processes that `torchrun` started. Yields True in the first process.
 
     The other processes help to train until the first one leaves its block. Only then do they enter theirs,
-    with False. If the first process fails, it must end: the others notice that, and enter their blocks.
+    with False. An exception that leaves the block must end the first process. The others notice that and
+    enter their blocks.
 
     Raises `ParameterError` if this machine has GPUs, but fewer than processes.
     """
@@ -87,12 +88,15 @@ def process_index() -> int:
 def _help() -> None:
     """Do the work that the first process sends, until there is no more, or it has ended."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process decides what Ctrl-C ends
-    try:
+    with suppress(_LostProcessError):
         while (work := _broadcast(None)) is not None:
             function, arguments, named = pickle.loads(work)
-            function(*arguments, **named)
-    except (ChoreographError, KeyboardInterrupt):
-        return  # the first process has the same error, or is the one that was lost, and says so
+            try:
+                function(*arguments, **named)
+            except _LostProcessError:
+                raise
+            except (ChoreographError, KeyboardInterrupt):
+                continue  # all processes have it, and the first one says so
 
 
 def call_elsewhere(function: Callable[..., object], *arguments: Any, **named: Any) -> None:
@@ -118,6 +122,10 @@ def _broadcast(content: bytes | None) -> bytes | None:
     return held[0]
 
 
+class _LostProcessError(ChoreographError):
+    """Another process has ended."""
+
+
 @contextmanager
 def _connected() -> Iterator[None]:
     try:
@@ -126,7 +134,7 @@ def _connected() -> Iterator[None]:
         raise
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:120]
-        raise ChoreographError(
+        raise _LostProcessError(
             f"expected {n_processes()} processes to train, lost one ({reason}): its own error says why, or "
             "it was killed, such as for lack of memory"
         ) from error
@@ -142,9 +150,12 @@ def own_rows(batch: _Batch) -> _Batch:
     """
     if not distributed.is_initialized():
         return batch
+    result: _Batch
     if isinstance(batch, Tensor):
-        return batch[own_part(len(batch))]
-    return type(batch)(*(own_rows(getattr(batch, field.name)) for field in fields(batch)))
+        result = batch[own_part(len(batch))]
+    else:
+        result = type(batch)(*(own_rows(getattr(batch, field.name)) for field in fields(batch)))
+    return result
 
 
 def own_part(n_rows: int) -> slice:
@@ -163,7 +174,7 @@ def gathered(rows: Tensor) -> Tensor:
     """The rows of all processes, in their order. Gradients reach the process that computed a row."""
     if not distributed.is_initialized():
         return rows
-    result: Tensor = _Gathered.apply(rows)
+    result: Tensor = _Gathered.apply(rows)  # type: ignore[no-untyped-call]
     return result
 
 
@@ -198,7 +209,8 @@ def average_gradients(module: nn.Module) -> None:
     with _connected():
         distributed.all_reduce(mean)
     mean /= n_processes()
-    for gradient, part in zip(gradients, mean.split([g.numel() for g in gradients]), strict=True):
+    parts = torch.split(mean, [gradient.numel() for gradient in gradients])
+    for gradient, part in zip(gradients, parts, strict=True):
         gradient.copy_(part.view_as(gradient))
 
 
@@ -245,10 +257,13 @@ def _normalised(norm: _BatchNorm, values: Tensor) -> Tensor:
     mean = means.mean(dim=0)
     variance = (variances + (means - mean).square()).mean(dim=0)
     n = values.numel() // values.shape[1] * len(means)
-    with torch.no_grad():  # as torch does for later inference
-        norm.num_batches_tracked.add_(1)
-        norm.running_mean.lerp_(mean, norm.momentum)
-        norm.running_var.lerp_(variance * n / (n - 1), norm.momentum)
+    counted, momentum = norm.num_batches_tracked, norm.momentum
+    assert norm.running_mean is not None and norm.running_var is not None
+    assert counted is not None and momentum is not None
+    with torch.no_grad():  # as torch does, for later inference
+        counted.add_(1)
+        norm.running_mean.lerp_(mean, momentum)
+        norm.running_var.lerp_(variance * n / (n - 1), momentum)
     shape = (1, -1, *(1,) * (values.ndim - 2))
     scale = norm.weight * torch.rsqrt(variance + norm.eps)
     return ((wide - mean.view(shape)) * scale.view(shape) + norm.bias.view(shape)).to(values.dtype)
