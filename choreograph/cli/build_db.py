@@ -44,6 +44,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
         "choreograph build-db dance-with-melody/ choreonet/ -o rep.h5   with the counts of both",
         "choreograph build-db aist/motions -o rep.h5 --preset tiny  a fast first try",
         "choreograph build-db new/ -o rep.h5 --init-from old.h5     starts from trained networks",
+        "torchrun --nproc-per-node 4 -m choreograph build-db takes/ -o rep.h5   trains on four GPUs",
     ),
 )
 @click.argument("sources", nargs=-1, required=True, type=_FILE)

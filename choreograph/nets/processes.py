@@ -150,11 +150,12 @@ def own_rows(batch: _Batch) -> _Batch:
     """
     if not distributed.is_initialized():
         return batch
-    result: _Batch
-    if isinstance(batch, Tensor):
-        result = batch[own_part(len(batch))]
+    rows: Any = batch
+    if isinstance(rows, Tensor):
+        rows = rows[own_part(len(rows))]
     else:
-        result = type(batch)(*(own_rows(getattr(batch, field.name)) for field in fields(batch)))
+        rows = type(rows)(*(own_rows(getattr(rows, field.name)) for field in fields(rows)))
+    result: _Batch = rows
     return result
 
 
