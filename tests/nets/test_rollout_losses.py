@@ -1,5 +1,7 @@
 """Losses of the rollout network for right and wrong poses."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,7 +11,7 @@ from synthetic_rollouts import synthetic_takes, synthetic_words
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout import RolloutLosses, RolloutNet, _border_speed_m_s
 from choreograph.nets.rollout_poses import N_FEET, ROLLOUT_FPS, ROOT_DIM
-from choreograph.nets.rollout_training import RolloutData
+from choreograph.nets.rollout_training import RolloutData, unroll
 
 pytestmark = pytest.mark.slow
 
@@ -77,3 +79,29 @@ def test_the_coherence_of_the_paper_is_that_of_equations_7_and_8():
     expected = angles[:, given_truth].mean() + angles[:, ~given_truth].mean()
     assert found == pytest.approx(expected, abs=0.05 + 1e-3 * expected)  # smooth where rotations agree
     assert expected > 0.5
+
+
+@pytest.mark.parametrize("loss", ["weighted", "paper"])
+def test_the_mean_loss_of_equal_parts_of_a_batch_is_that_of_the_batch(loss):
+    """Also where the parts have different numbers of words."""
+    takes = synthetic_takes()
+    config = rollout_config("tiny", loss=loss)
+    losses = RolloutLosses(takes[0].motion.skeleton, synthetic_words(takes), config)
+    torch.manual_seed(0)
+    net = RolloutNet(config)
+    batch = RolloutData(takes, config.frames).batch(
+        6, np.random.default_rng(0), own_embedding_share=0.5, with_style=True
+    )
+    kept = batch.word_sequence > 1
+    batch = replace(
+        batch, word_frames=batch.word_frames[kept], word_sequence=batch.word_sequence[kept],
+        word_motif=batch.word_motif[kept],
+    )  # fmt: skip
+    parts = [batch.part(slice(0, 3)), batch.part(slice(3, 6))]
+    assert 0 < len(parts[0].word_motif) < len(parts[1].word_motif)
+    whole, first, second = (
+        float(losses.total(net, unroll(net, each, self_fed_frames=5), each, self_fed_frames=5).detach())
+        for each in (batch, *parts)
+    )
+    assert (first + second) / 2 == pytest.approx(whole, rel=1e-5)
+    assert first != pytest.approx(whole, rel=1e-3)
