@@ -32,7 +32,7 @@ from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.processes import own_rows
 from choreograph.nets.style import centred, rotated_about_y
 from choreograph.nets.style_training import StyleTake, augment_mel
-from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
+from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, steps_of_epochs, train
 
 # Training data: clips with known warps, and music with its target density.
 
@@ -326,7 +326,7 @@ def train_motion_density(
     Raises `ParameterError` if no take has 8 s of motion.
     """
     usable = clip_takes(takes)
-    with torch.random.fork_rng():
+    with forked_rng():
         torch.manual_seed(seed)
         estimator, decoder = MotionDensity(config), MotionDecoder(config)
     nets = nn.ModuleDict({"estimator": estimator, "decoder": decoder})
@@ -370,7 +370,7 @@ def train_music_density(
     """
     of_clips = config.music_target == "clip"
     data = MusicDensityData(takes, motion_density, synchronise=config.synchronise, of_clips=of_clips)
-    with torch.random.fork_rng():
+    with forked_rng():
         torch.manual_seed(seed)
         net = MusicDensity(config)
     if pretrained is not None:

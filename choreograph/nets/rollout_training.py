@@ -28,7 +28,7 @@ from choreograph.nets.rollout_poses import (
     conditions_of_frames,
     to_poses,
 )
-from choreograph.nets.training import TrainingContext, load_pretrained, train
+from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, train
 from choreograph.nets.words import WordNet
 
 # Training sequences for the rollout network: takes with words and music, at several tempi, in batches.
@@ -241,7 +241,7 @@ def train_rollout(
     data = RolloutData(takes, config.frames, config.tempi)
     skeleton = takes[0].motion.skeleton
     config = replace(config, n_joints=skeleton.n_joints)
-    with torch.random.fork_rng():
+    with forked_rng():
         torch.manual_seed(seed)
         net = RolloutNet(config)
     if pretrained is not None:

@@ -22,7 +22,7 @@ from choreograph.nets.configs import StyleConfig
 from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.processes import gathered, own_rows
 from choreograph.nets.style import StyleNets, centred, rotated_about_y
-from choreograph.nets.training import TrainingContext, load_pretrained, steps_of_epochs, train
+from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, steps_of_epochs, train
 
 # Augmentation of the training samples: other recordings of a song, and other bodies for a dance.
 
@@ -328,7 +328,7 @@ def train_style(
     ParameterError   fewer than two songs have 4 s of pairs, or `pretrained` has another shape
     """
     data = StyleData(takes, songs, balanced_genres=config.balanced_genres)
-    with torch.random.fork_rng():
+    with forked_rng():
         torch.manual_seed(seed)
         nets = StyleNets(config)
     if pretrained is not None:

@@ -22,7 +22,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,7 @@ def train(
     run = _Run(name, n_steps, module, optimizer, rate, expected, context)
     run.restore_or_start()
     own_seed = seed * _SEED_STRIDE + process_index() * _PROCESS_STRIDE
-    with torch.random.fork_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
+    with forked_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
         try:
             while run.step < n_steps:
                 torch.manual_seed((own_seed + run.step) % 2**63)
@@ -169,6 +169,14 @@ def select_device(device: str) -> torch.device:
     return torch.device(
         "cuda" if device == "auto" and torch.cuda.is_available() else device.replace("auto", "cpu")
     )
+
+
+def forked_rng() -> AbstractContextManager[None]:
+    """A block after which torch's generators of the CPU and of this process's GPU are as they were before.
+
+    Without a choice of GPUs, torch would use memory on each of them, from every process.
+    """
+    return torch.random.fork_rng([torch.cuda.current_device()] if torch.cuda.is_available() else [])
 
 
 def load_pretrained(module: nn.Module, name: str, weights: Mapping[str, NDArray[Any]]) -> None:

@@ -21,7 +21,7 @@ from choreograph.nets.configs import WORD_DIM, WordConfig
 from choreograph.nets.inference import WordEmbedder
 from choreograph.nets.processes import gathered, own_rows
 from choreograph.nets.stored import StoredNet
-from choreograph.nets.training import TrainingContext, load_pretrained, train
+from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, train
 
 # The motion-word network P: 13 frames between two beats to 184 dimensions (Rhythm is a Dancer, 3.3).
 #
@@ -274,7 +274,7 @@ def train_word_net(
     if sum(len(take.start_s) for take in usable) < 2:
         raise ParameterError("expected takes of two motion words or more to learn from, got fewer")
     sampled = partial(augmented_words, usable, mirrored_share=config.mirrored_share)
-    with torch.random.fork_rng():
+    with forked_rng():
         torch.manual_seed(seed)
         net = WordNet(config)
     if pretrained is not None:
