@@ -2,7 +2,7 @@
 
 - `dance` makes a `Dance` for a song: motion, plan and notes. `vary` makes several that differ
 - `Session` holds a song and a repertoire in memory, from which dances are made again with other settings
-- `build` makes a repertoire file from takes and their songs
+- `build` makes a repertoire file from takes and their songs. `change_takes` adds takes to it and removes them
 - `Repertoire` is an opened repertoire file. `starter_repertoire` and `example_songs` are built in
 - `load_song` decodes a `Song` once for several dances
 - `RolloutStream` makes a dance with the rollout network while the song plays

@@ -170,6 +170,7 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Repertoire.open": sound(cg.Repertoire.open, path=t.repertoire.path),
         "Repertoire.rollout_net": sound(t.repertoire.rollout_net, genre=""),
         "Repertoire.take_index": sound(t.repertoire.take_index, name="take0"),
+        "Repertoire.verify": sound(t.repertoire.verify, report=None),
         "RolloutFrame": sound(
             cg.RolloutFrame, time_s=0.0, root_pos_m=np.zeros(3), local_quat=np.zeros((24, 4))
         ),

@@ -1,10 +1,11 @@
-"""`choreograph inspect --lint`, `--coverage` and `--movement`: what a repertoire is good for."""
+"""`choreograph inspect --check`, `--lint`, `--coverage` and `--movement`: what a repertoire is good for."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import click
@@ -19,6 +20,20 @@ from choreograph.evaluation.movement import movement, movement_table
 from choreograph.evaluation.plots import expect_matplotlib, write_coverage_figure
 from choreograph.evaluation.songs import SONG_SUFFIXES
 from choreograph.library.repertoire import Repertoire
+
+
+def show_check(repertoire: Repertoire, *, as_json: bool) -> None:
+    """Read a whole repertoire and print that nothing is damaged. Raises `RepertoireError` if a block is."""
+    with stages(quiet=as_json) as shown:
+        repertoire.verify(partial(shown.report, "checking"))
+    n_bytes = repertoire.path.stat().st_size
+    if as_json:
+        click.echo(
+            json.dumps({"path": str(repertoire.path), "is_intact": True, "n_bytes": n_bytes}, indent=1)
+        )
+        return
+    takes, clips = counted(len(repertoire.takes), "take"), counted(repertoire.n_clips, "clip")
+    say(f"{repertoire.path.name}: {takes}, {clips}, {n_bytes / 1e6:,.1f} MB, and every checksum is right")
 
 
 def show_lint(repertoire: Repertoire, *, as_json: bool) -> None:

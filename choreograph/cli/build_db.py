@@ -105,7 +105,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 )  # fmt: skip
 @optgroup.option(
     "--keep-networks", is_flag=True, default=None,
-    help="Use the networks of --init-from, or the style of --pretrained, without further training.",
+    help="Use the networks and motifs of --init-from, or the style of --pretrained, without training.",
 )  # fmt: skip
 @optgroup.group("Training")
 @optgroup.option(

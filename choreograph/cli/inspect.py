@@ -38,6 +38,7 @@ _N_COMMON = 5  # motifs shown of each genre
         "choreograph inspect rep.h5 --plots plots/   signatures, transitions and motifs as PNG",
         "choreograph inspect rep.h5 --signature waltz -o mine.json   for `choreograph dance --signature`",
         "choreograph inspect rep.h5 --counts W_1 -o W_1.counts.csv      counts to place beside W_1.bvh",
+        "choreograph inspect rep.h5 --check          reads the whole file and compares its checksums",
         "choreograph inspect rep.h5 --lint           duplicates, drifting feet, wrong genres and counts",
         "choreograph inspect rep.h5 --movement       knees, steps, travel and arms, beside real dancing",
         "choreograph inspect rep.h5 --coverage songs/    what it lacks for these songs",
@@ -53,6 +54,10 @@ _N_COMMON = 5  # motifs shown of each genre
 @click.option("--take", metavar="TAKE", help="With --notes: only notes on this take.")
 @click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
 @click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
+@click.option(
+    "--check", "with_check", is_flag=True,
+    help="Read the whole file, and print that no block is damaged, or which.",
+)  # fmt: skip
 @click.option("--lint", "with_lint", is_flag=True, help="Print what is likely wrong in it.")
 @click.option(
     "--movement", "with_movement", is_flag=True, help="Print how it moves, beside the ranges of real dancing."
@@ -73,6 +78,7 @@ def command(
     take: str | None,
     signature: str | None,
     counts: str | None,
+    with_check: bool,
     with_lint: bool,
     with_movement: bool,
     songs: tuple[Path, ...],
@@ -103,10 +109,12 @@ def command(
     if with_notes:
         _show_build_notes(repertoire, take, as_json=as_json)
         return
-    if with_lint or with_movement or songs:
-        from choreograph.cli.archive import show_coverage, show_lint, show_movement
+    if with_check or with_lint or with_movement or songs:
+        from choreograph.cli.archive import show_check, show_coverage, show_lint, show_movement
 
-        if with_lint:
+        if with_check:
+            show_check(repertoire, as_json=as_json)
+        elif with_lint:
             show_lint(repertoire, as_json=as_json)
         elif with_movement:
             show_movement(repertoire, as_json=as_json)
@@ -126,7 +134,14 @@ def command(
 
 
 _WRITTEN = {"--signature": ".json", "--counts": ".csv", "--coverage": ".png"}
-_SHOWN = ("--notes", "--lint", "--movement", "--plots", *_WRITTEN)  # of which one is shown at a time
+_SHOWN = (
+    "--notes",
+    "--check",
+    "--lint",
+    "--movement",
+    "--plots",
+    *_WRITTEN,
+)  # of which one is shown at a time
 
 
 def _check_options(take: str | None, output: Path | None, *, as_json: bool, with_notes: bool) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.numerics import AnyFloats, AnyInts, frame_blocks, mean_ranks
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.library.joined_rows import Rows
 from choreograph.library.schema import DERIVED, QUANTISATION_STEPS, dequantised, quantised
 from choreograph.motion.body import front_rad, ground_pos_m, heading_rad, to_root_frame
 from choreograph.motion.contacts import step_counts
@@ -23,13 +24,13 @@ from choreograph.motion.motion_beats import (
 )
 
 Arrays = dict[str, NDArray[Any]]
-_ALWAYS_MADE = (
+ALWAYS_MADE = (
     "takes/tempo_bpm",
     "clips/step_rank",
     "clips/liveliness_rank",
     *(name for name in DERIVED if "genres/" in name),
 )
-_OF_TAKES = tuple(name for name in DERIVED if name not in _ALWAYS_MADE)
+_OF_TAKES = tuple(name for name in DERIVED if name not in ALWAYS_MADE)
 
 
 def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
@@ -37,7 +38,7 @@ def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
     return np.asarray(starts, np.int64) + (CLIP_FRAMES - SEGMENT_FRAMES) // 2
 
 
-def with_derived(arrays: Mapping[str, NDArray[Any]], *, compress: bool) -> Arrays:
+def with_derived(arrays: Mapping[str, Rows], *, compress: bool) -> dict[str, Rows]:
     """The arrays with all of `DERIVED`. Those of single takes are kept if they are given.
 
     With `compress`, they are computed from the positions as the file will hold them.
@@ -53,7 +54,7 @@ def with_derived(arrays: Mapping[str, NDArray[Any]], *, compress: bool) -> Array
         made.pop("body/root_frame", None)
     elif "body/root_frame" not in made:
         body_pos_m = np.asarray(made["body/pos_m"], np.float32)
-        take_rows = np.stack([made["takes/body_start"], made["takes/body_stop"]], axis=1)
+        take_rows = np.stack([np.asarray(made[f"takes/body_{end}"]) for end in ("start", "stop")], axis=1)
         parts = [
             root_frame_rows(lambda rows: body_pos_m[rows], np.arange(len(body_pos_m))[part], take_rows)
             for part in frame_blocks(len(body_pos_m))
@@ -62,9 +63,9 @@ def with_derived(arrays: Mapping[str, NDArray[Any]], *, compress: bool) -> Array
     return made | {"takes/tempo_bpm": take_tempi_bpm(made)} | _genre_arrays(made)
 
 
-def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, Rows]) -> Arrays:
     """What follows from single takes, from the body positions (B, 21, 3) of all of them."""
-    starts, stops = arrays["takes/body_start"], arrays["takes/body_stop"]
+    starts, stops = np.asarray(arrays["takes/body_start"]), np.asarray(arrays["takes/body_stop"])
     n_takes, n_frames = len(starts), len(body_pos_m)
     clip_take, clip_start = np.asarray(arrays["clips/take"]), np.asarray(arrays["clips/start_frame"])
     clip_borders = np.searchsorted(clip_take, np.arange(n_takes + 1))
@@ -109,13 +110,14 @@ def root_frame_rows(
     return np.stack([to_root_frame(pos), to_root_frame(pos, velocity)], axis=1).astype(np.float32)
 
 
-def take_tempi_bpm(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
+def take_tempi_bpm(arrays: Mapping[str, Rows]) -> NDArray[np.float64]:
     """Median tempo of each take (X,), 0 for a take with fewer than two counts."""
     times_s = np.asarray(arrays["counts/time_s"])
+    starts, stops = np.asarray(arrays["takes/count_start"]), np.asarray(arrays["takes/count_stop"])
     return np.array(
         [
             60.0 / np.median(np.diff(times_s[start:stop])) if stop - start > 1 else 0.0
-            for start, stop in zip(arrays["takes/count_start"], arrays["takes/count_stop"], strict=True)
+            for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
         ]
     )
 
@@ -123,7 +125,7 @@ def take_tempi_bpm(arrays: Mapping[str, NDArray[Any]]) -> NDArray[np.float64]:
 # Ranks among all takes of a genre.
 
 
-def _genre_arrays(arrays: Mapping[str, NDArray[Any]]) -> Arrays:
+def _genre_arrays(arrays: Mapping[str, Rows]) -> Arrays:
     """The sizes of the seconds of each genre, and the ranks of clips in their genre."""
     genre = np.asarray(arrays["takes/genre"])
     starts, stops = np.asarray(arrays["takes/body_start"]), np.asarray(arrays["takes/body_stop"])

@@ -30,7 +30,7 @@ class Motifs:
     """The motifs of a repertoire: the medoid of every cluster of words."""
 
     embeddings: NDArray[np.float32]  # (K, D) of the medoids
-    words: Indices  # (K,) index of each medoid among the words that were clustered
+    words: Indices  # (K,) index of each medoid among the words, or of the nearest one if it was removed
     counts: Indices  # (K,) words in each cluster, at least 1
 
     def __len__(self) -> int:
@@ -140,7 +140,7 @@ class Vocabulary:
     Words are ordered by take, then by time. Within a take, each begins where the one before it ends.
     """
 
-    motifs: Motifs  # K, the most frequent first. Their `words` are indices into the words below
+    motifs: Motifs  # K, the most frequent first where they were found. `words` are indices of those below
     word_take: Indices  # (N,) index of the word's take
     word_start_s: Floats  # (N,) in its take
     word_end_s: Floats  # (N,)
@@ -181,7 +181,7 @@ def make_vocabulary(
     `take_genres` holds the genre of every take. Takes without words are ignored, and so are genres that
     have no other takes. Raises `ParameterError` if there is no word.
     """
-    words = [word_motif[word_take == take] for take in range(len(take_genres))]
+    words = np.split(word_motif, np.searchsorted(word_take, np.arange(1, len(take_genres))))
     danced = [(genre, sequence) for genre, sequence in zip(take_genres, words, strict=True) if len(sequence)]
     genres = (*sorted({genre for genre, _ in danced if genre and genre != ALL_GENRES}), ALL_GENRES)
     dances = [[s for genre, s in danced if name in (genre, ALL_GENRES)] for name in genres]

@@ -49,6 +49,7 @@ KINDS: dict[str, NoteKind] = {
     "retargeted": NoteKind(
         "the takes have different skeletons, so all are retargeted to the canonical body", ""
     ),
+    "moved onto": NoteKind("the skeleton is another one, so it is retargeted to that of the repertoire"),
     "counts from song": NoteKind(
         "counts are the beats of the song, which the motion follows, confidence {confidence:.2f}"
     ),
@@ -82,6 +83,22 @@ KINDS: dict[str, NoteKind] = {
     ),
     "no density networks": NoteKind(
         "there are no tempo-density networks, so clips have the analytic tempo-density", ""
+    ),
+    "farther words": NoteKind(
+        "of the motion words of the new takes, {share:.0%} are farther from every motif than 95% of those "
+        "that the networks were trained on, medians {new:.3f} m and {known:.3f} m", "", is_stored=False,
+    ),
+    "farther clips": NoteKind(
+        "of the clips of the new takes, {share:.0%} are farther in style from other takes than 95% of those "
+        "that the networks were trained on, medians {new:.3f} and {known:.3f}", "", is_stored=False,
+    ),
+    "new genres": NoteKind(
+        "the networks were trained without {genres}: to train them again, build from all takes with "
+        "--init-from {name}", "", is_stored=False,
+    ),
+    "lost motifs": NoteKind(
+        "{motifs:.0f} motifs are not danced any more and were left out, so later motifs have lower numbers",
+        "", is_stored=False,
     ),
     "few words": NoteKind(
         "there are {words:.0f} motion words, fewer than {fewest:.0f}, so there are no motifs and no genre "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import as_index, as_number, check_kind, check_text
+from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
@@ -68,6 +68,18 @@ class Repertoire:
         is not a path.
         """
         return cls(RepertoireFile(as_path("a repertoire file", path)))
+
+    def verify(self, report: Callable[[int, int], None] | None = None) -> None:
+        """Read the whole file and compare every block with its checksum.
+
+        `report` is called with the work done so far and all the work. Raises `RepertoireError` if a block or
+        a network is damaged, or if arrays contradict each other.
+        """
+        check_function("report", report)
+        self._file.verify(report)
+        _ = self.skeleton, self.notes, self.clip_take, self._counts, self._figures
+        if self.has_vocabulary:
+            _ = self.vocabulary, self.word_net()
 
     def __repr__(self) -> str:
         return cut_line(f"<Repertoire {self._summary()}>")

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import zigzag_decode, zigzag_encode
+
+if TYPE_CHECKING:
+    from choreograph.library.joined_rows import Rows
 
 # The layout of a repertoire file, version 1. `data_schema/repertoire.json` documents it for other programs.
 #
@@ -209,7 +212,7 @@ class Contents:
 
     # By path: `DATASETS` without the provenance, and all or none of each group of `OPTIONAL`. Those of
     # `DERIVED` are computed when they are written, if they are not given.
-    arrays: Mapping[str, NDArray[Any]]
+    arrays: Mapping[str, Rows]
     density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
     provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
     nets: Mapping[str, NetArrays] = field(default_factory=dict)

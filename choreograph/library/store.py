@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +202,7 @@ class RepertoireFile:
             self.names = tuple(layout)
             self.shapes = {a.name: a.shape for a in stored if self._kinds[a.name] != "s"}  # of numbers
             self._sizes = axis_sizes(self.shapes)
+            self.quantised = frozenset(array.name for array in stored if array.is_quantised)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
             self._kept: dict[str, KeptBlocks] = {}
 
@@ -279,6 +281,25 @@ class RepertoireFile:
             for block in blocks:
                 yield self._numbers(data, name, slice(block * n_rows, (block + 1) * n_rows))
 
+    def copy_chunks(self, name: str, target: h5py.Dataset, n_rows: int) -> int:
+        """Copy the chunks of the first `n_rows` of an array to a new one, without unpacking them.
+
+        Returns the number of rows that were copied: 0 if the new array is stored in another way. Rows of a
+        chunk that has other rows besides are not copied.
+        """
+        with opened(self.path, "a repertoire") as file:
+            source = file[name]
+            if _storage(source) != _storage(target):
+                return 0
+            is_same = n_rows == len(source) == len(target)
+            n_copied = n_rows if is_same else n_rows // source.chunks[0] * source.chunks[0]
+            lengths = (n_copied, *source.shape[1:])
+            steps = [range(0, end, step) for end, step in zip(lengths, source.chunks, strict=True)]
+            for offset in product(*steps):
+                mask, packed = source.id.read_direct_chunk(offset)
+                target.id.write_direct_chunk(offset, packed, mask)
+        return n_copied
+
     def verify(self, report: Callable[[int, int], None] | None = None) -> None:
         """Read all arrays and networks. Raises `RepertoireError` if one is damaged."""
         for index, name in enumerate(self.names):
@@ -299,6 +320,13 @@ class RepertoireFile:
             raise RepertoireError(f"{self.path}: expected a network {name!r}, got a repertoire with {known}")
         with opened(self.path, "a repertoire") as file:
             return _read_net(file, name, self.path)
+
+
+def _storage(data: h5py.Dataset) -> tuple[object, ...]:
+    """Arrays with equal values of this have equal chunks for equal rows."""
+    plan = data.id.get_create_plist()
+    filters = [plan.get_filter(i)[:3] for i in range(plan.get_nfilters())]
+    return data.dtype, data.shape[1:], data.chunks, filters
 
 
 def _block_rows(array: StoredArray) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from choreograph.core.errors import RepertoireError
 from choreograph.core.files import atomic_path
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
 from choreograph.library.derived import middle_starts, with_derived
+from choreograph.library.joined_rows import JoinedRows, Rows
 from choreograph.library.schema import (
     DELTA_ORDER,
     DELTA_RESTART,
@@ -167,6 +169,7 @@ _BY_ROWS |= dict.fromkeys(("body/density", "body/speed_m_s", "body/heading_rad")
 def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) -> None:
     """Write all of `contents` to `path`, or nothing.
 
+    Chunks of `JoinedRows` are copied as they are stored where they would be stored so again.
     `compress` quantises motion and networks to 16 bits (`schema.QUANTISATION_STEPS`), which reduces the file
     to a quarter of the size. The bytes depend on the arguments alone. Raises `RepertoireError` if an array is
     missing or does not match the schema, and `ParameterError` if the folder does not exist.
@@ -179,13 +182,15 @@ def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) 
         file.attrs["density"] = np.bytes_(contents.density)
         arrays["provenance"] = np.array([json.dumps(contents.provenance, sort_keys=True)])
         for name, (kind, _) in layout_of(arrays).items():
-            array = np.asarray(arrays[name])
+            array = arrays[name]
             if kind == "s":
-                write_texts(file, name, array)
+                write_texts(file, name, np.asarray(array))
                 continue
             kind = "f2" if compress and name in HALF_PRECISION else kind
             step = QUANTISATION_STEPS.get(name) if compress else None
-            _write_numbers(file, name, array.astype(kind), step, compress=compress)
+            if not isinstance(array, JoinedRows) or array.size <= _MIN_GZIP_SIZE:
+                array = np.asarray(array).astype(kind)
+            _write_numbers(file, name, array, step, compress=compress)
         _write_nets(file, contents.nets, compress=compress)
 
 
@@ -233,32 +238,60 @@ def _gzip(level: int) -> dict[str, Any]:
     return {"compression": "gzip", "compression_opts": level, "shuffle": True}
 
 
-def _create(file: h5py.Group, name: str, array: NDArray[Any], **options: Any) -> h5py.Dataset:
-    """Write an array with a checksum for each chunk, which HDF5 verifies when it reads it."""
-    if array.size == 0 or array.ndim == 0:  # there is no chunk
-        return file.create_dataset(name, data=array, track_times=False)
+def _create(
+    file: h5py.Group,
+    name: str,
+    array: Rows,
+    encode: Callable[[NDArray[Any]], NDArray[Any]] = lambda rows: rows,
+    **options: Any,
+) -> h5py.Dataset:
+    """Write an encoded array with a checksum for each chunk, which HDF5 verifies when it reads it."""
+    if array.size == 0 or array.shape == ():  # there is no chunk
+        return file.create_dataset(name, data=encode(np.asarray(array)), track_times=False)
     if "chunks" not in options and "compression" not in options:
         options["chunks"] = _chunk(array, _CHUNK_BYTES)
-    return file.create_dataset(name, data=array, track_times=False, fletcher32=True, **options)
+    options |= {"track_times": False, "fletcher32": True}
+    if not isinstance(array, JoinedRows):
+        return file.create_dataset(name, data=encode(array), **options)
+    dtype = encode(np.zeros((1, *array.shape[1:]), array.dtype)).dtype
+    data = file.create_dataset(name, array.shape, dtype, **options)
+    copied = array.file.copy_chunks(array.name, data, array.n_kept)
+    for start, rows in array.blocks(copied, data.chunks[0]):
+        data[start : start + len(rows)] = encode(rows)
+    return data
 
 
-def _chunk(array: NDArray[Any], n_bytes: int) -> tuple[int, ...]:
+def _chunk(array: Rows, n_bytes: int) -> tuple[int, ...]:
     """The shape of chunks of whole rows with at most this size, if a row is not larger."""
     n_rows = max(1, n_bytes * len(array) // array.nbytes)
     return (min(len(array), n_rows), *array.shape[1:])
 
 
-def _write_numbers(
-    file: h5py.File, name: str, array: NDArray[Any], step: float | None, *, compress: bool
-) -> None:
+def _fits(array: Rows, step: float) -> bool:
+    """Whether 16 bits hold all multiples of `step`, which they do for rows that are stored so already."""
+    if not isinstance(array, JoinedRows):
+        return quantised(array, step) is not None
+    if array.name in array.file.quantised:
+        return all(quantised(part, step) is not None for part in array.new_parts)
+    return all(quantised(rows, step) is not None for _, rows in array.blocks(0, 1))
+
+
+def _quantised_rows(rows: NDArray[Any], step: float) -> NDArray[np.uint16]:
+    """Rows, the first of which is one where the encoding restarts, as a compressed file stores them."""
+    integers = quantised(rows, step)
+    assert integers is not None
+    return delta_encode(integers)
+
+
+def _write_numbers(file: h5py.File, name: str, array: Rows, step: float | None, *, compress: bool) -> None:
     """Write an array, quantised to multiples of `step` if it is given and 16 bits hold all values."""
-    integers = None if step is None else quantised(array, step)
-    if integers is not None and step is not None:
+    if step is not None and _fits(array, step):
         # One column per chunk: values are similar in time, but not between joints, and the file is a fifth
         # smaller. All columns of 8,192 frames are read together (`RepertoireFile.rows`), in 10 ms.
-        chunk = (min(len(array), DELTA_RESTART), *(1,) * (array.ndim - 1))
+        chunk = (min(len(array), DELTA_RESTART), *(1,) * (len(array.shape) - 1))
         options = {**_gzip(9), "chunks": chunk} if array.size > _MIN_GZIP_SIZE else {}
-        data = _create(file, name, delta_encode(integers), **options)
+        data = _create(file, name, array, partial(_quantised_rows, step=step), **options)
+        data.flush()  # chunks before attributes, as where they are copied
         data.attrs.update(step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True)
         return
     if array.size <= _MIN_GZIP_SIZE:

@@ -340,6 +340,20 @@ def test_the_costs_are_explained_by_their_classes():
     assert printed.count("Raise") == len(DEFAULT_WEIGHTS)
 
 
+def test_a_damaged_block_is_found(tmp_path, db):
+    result = run("inspect", db, "--check")
+    assert result.exit_code == 0 and "every checksum is right" in result.stdout, result.output
+    assert json.loads(run("inspect", db, "--check", "--json").output)["is_intact"]
+    with h5py.File(db) as file:
+        damaged = file["body/pos_m"].id.get_chunk_info(0).byte_offset + 7
+    content = bytearray(db.read_bytes())
+    content[damaged] ^= 1
+    path = tmp_path / "rep.h5"
+    path.write_bytes(content)
+    assert run("inspect", path).exit_code == 0  # whatever reads only the tables finds nothing
+    assert_one_line(run("inspect", path, "--check"), says="rep.h5")
+
+
 def test_what_is_wrong_in_a_repertoire_is_printed(tmp_path, db):
     result = run("inspect", db, "--lint")
     assert result.exit_code == 0, result.output

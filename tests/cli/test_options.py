@@ -128,6 +128,7 @@ def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, d
         (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "expected --counts together with"),
         (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --plots and --signature"),
         (("inspect", db, "--lint", "--notes"), "got --notes and --lint"),
+        (("inspect", db, "--lint", "--check"), "got --check and --lint"),
         (("inspect", db, "--lint", "-o", "x.png"), "expected -o together with one of --signature"),
         (("inspect", db, "--coverage", "x.wav", "-o", "x.svg"), "expected a .png for --coverage"),
         (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),

@@ -16,6 +16,7 @@ from choreograph.core.files import check_apart, check_target, folder_beside, loc
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, n_cores, workers
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
+from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
     STYLE_NET,
     PretrainedWeights,
@@ -30,6 +31,7 @@ from choreograph.library.building.rollout import Teacher, taught_dances, train_r
 from choreograph.library.building.takes import (
     FEWEST_WORDS,
     SegmentedTake,
+    keep_motifs,
     make_motifs,
     measured_takes,
     segment_takes,
@@ -129,20 +131,15 @@ def _write_built(
             measured, songs, pretrained, options=options, context=context, report=report
         )
         notes += [*music_notes, *song_notes([m.take for m in measured], songs)]
-        features = _clip_features(nets, options, notes)
+        features = clip_features(nets, options.density, notes)
         notes += segment_notes
         words = _WordParts()
         if options.words:
             trained = words_net()
             if elsewhere is not None and trained.progress is not None:
                 context.report(trained.progress)
-            words = _words(segmented, trained, options, notes)
-    arrays = to_arrays(
-        measured,
-        embed_motion=features.embed_motion,
-        density=features.density or (lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s)),
-        checksums=checksums,
-    )
+            words = _words(segmented, trained, pretrained.motifs, measured, options, notes)
+    arrays = features.arrays(measured, checksums)
     contents = Contents(
         arrays | words.arrays,
         options.density if features.density else "analytic",
@@ -185,32 +182,44 @@ def _provenance(
 
 
 @dataclass(frozen=True, eq=False)
-class _ClipFeatures:
+class ClipFeatures:
     """Features of clips by the trained networks, or None without the networks."""
 
     embed_motion: EmbedMotion | None = None
     density: ClipDensity | None = None
     selection_beat_weight: float = 0.0
 
+    def arrays(
+        self, measured: Sequence[MeasuredTake], checksums: Sequence[tuple[str, str, int]]
+    ) -> dict[str, NDArray[Any]]:
+        """The arrays of takes by path. `checksums` are those of `networks.source_checksums`."""
+        analytic: ClipDensity = lambda m: motion_density(len(m.body_pos_m), m.motion_beats_s)  # noqa: E731
+        return to_arrays(
+            measured,
+            embed_motion=self.embed_motion,
+            density=self.density or analytic,
+            checksums=checksums,
+        )
 
-def _clip_features(nets: Mapping[str, NetArrays], options: BuildOptions, notes: list[Note]) -> _ClipFeatures:
+
+def clip_features(nets: Mapping[str, NetArrays], density: str, notes: list[Note]) -> ClipFeatures:
     """Style vectors and tempo-densities, computed by the networks. Appends to `notes`."""
     if "style" not in nets:
-        return _ClipFeatures()
+        return ClipFeatures()
     from choreograph.nets.style import StyleNets
 
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)
     beat_weight = style.config.beat_weight / style.config.style_weight
-    if options.density != "learned":
-        return _ClipFeatures(style.embed_motion, None, beat_weight)
+    if density != "learned":
+        return ClipFeatures(style.embed_motion, None, beat_weight)
     if "motion_density" not in nets:
         notes.append(Note("no density networks"))
-        return _ClipFeatures(style.embed_motion, None, beat_weight)
+        return ClipFeatures(style.embed_motion, None, beat_weight)
     from choreograph.nets.density import MotionDensity
 
     net = nets["motion_density"]
     estimator = MotionDensity.from_arrays(net.weights, net.config)
-    return _ClipFeatures(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight)
+    return ClipFeatures(style.embed_motion, lambda m: estimator.take_density(m.body_pos_m), beat_weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,21 +267,26 @@ def _unseen(progress: TrainingProgress) -> None:
 def _words(
     segmented: Sequence[SegmentedTake],
     trained: _TrainedWords,
+    kept: KeptMotifs | None,
+    measured: Sequence[MeasuredTake],
     options: BuildOptions,
     notes: list[Note],
 ) -> _WordParts:
-    """The takes' motion words, their networks and their motifs. Appends to `notes`."""
+    """The takes' motion words, their networks and their motifs, kept or found. Appends to `notes`."""
     net = trained.net
     notes += trained.notes
     nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in segmented)
-    if net is None or n_words < FEWEST_WORDS:
+    if net is None or n_words < (FEWEST_WORDS if kept is None else 1):
         notes.append(Note("few words", values={"words": n_words, "fewest": FEWEST_WORDS}))
         return _WordParts(nets)
     from choreograph.nets.words import WordNet
 
     words = WordNet.from_arrays(net.weights, net.config)
-    vocabulary = make_motifs(segmented, words, seed=options.seed)
+    if kept is None:
+        vocabulary = make_motifs(segmented, words, seed=options.seed)
+    else:
+        vocabulary = keep_motifs(segmented, kept, words, [m.body_pos_m for m in measured])
     return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
+from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake, path_within
 from choreograph.library.builtin import PretrainedNet, shipped_checksums
@@ -126,12 +127,16 @@ DENSITY_NETS = ("motion_density", "music_density")  # likewise, if clips have th
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks that training starts from, or that are kept, of another repertoire or the shipped style."""
+    """Networks that training starts from, or that are kept, of another repertoire or the shipped style.
+
+    Motifs are kept with the networks of another repertoire.
+    """
 
     nets: Mapping[str, NetArrays] = field(default_factory=dict)
     trained_on: frozenset[str] = frozenset()  # songs that any of them was trained on
     keep: bool = False
     from_shipped: bool = False  # style is the shipped set's
+    motifs: KeptMotifs | None = None  # that are kept with the networks
 
     @classmethod
     def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
@@ -141,9 +146,12 @@ class PretrainedWeights:
         """
         nets: dict[str, NetArrays] = {}
         trained_on = frozenset[str]()
+        motifs: KeptMotifs | None = None
         if options.init_from is not None:
             other = Repertoire.open(options.init_from)
             nets = {name: other.net(name) for name in other.net_names}
+            if options.keep_networks and other.has_vocabulary:
+                motifs = KeptMotifs.of(other, compress=options.compress)
             trained_on |= set(other.provenance.get("trained_on", ()))
         begins = options.preset == "small" and STYLE_NET in shipped and STYLE_NET not in nets
         if begins:
@@ -154,7 +162,9 @@ class PretrainedWeights:
                 "expected networks to keep, of another repertoire (--init-from) or of a shipped set "
                 "(--pretrained, with preset small), got none"
             )
-        return cls(nets, trained_on, options.keep_networks, begins)
+        if options.keep_networks and options.compress:  # as the file will hold them
+            nets = {name: _in_half_precision(net) for name, net in nets.items()}
+        return cls(nets, trained_on, options.keep_networks, begins, motifs)
 
     @property
     def kept(self) -> Mapping[str, NetArrays]:
@@ -165,6 +175,11 @@ class PretrainedWeights:
         """Weights that training starts from, or None for random ones."""
         net = self.nets.get(name)
         return None if net is None else net.weights
+
+
+def _in_half_precision(net: NetArrays) -> NetArrays:
+    rounded = {name: np.float32(np.float16(weights)) for name, weights in net.weights.items()}
+    return replace(net, weights=rounded)
 
 
 def train_music_networks(

@@ -76,8 +76,8 @@ class BuildOptions:
     states no licence. "default" takes style from "clean" and counts from "research"."""
 
     keep_networks: bool = False
-    """Whether the networks that training would start from are used as they are. A build then takes
-    seconds."""
+    """Whether the networks that training would start from are used as they are, and the motifs of
+    `init_from` with them. A build then takes seconds."""
 
     compress: bool = False
     """Whether motion is stored in 16 bits. The file has a third of the size, and rotations are exact to
@@ -139,7 +139,17 @@ class BuildOptions:
             config_from_preset({self.preset: config(self.preset)}, self.preset, changes)
 
 
-class BuildSettings(TypedDict, total=False):
+class ReadingSettings(TypedDict, total=False):
+    """The fields of `BuildOptions` about the reading of sources, as keywords of `change_takes`."""
+
+    workers: int
+    leave_out: Sequence[str]
+    skip_bad: bool
+    allow_outside: bool
+    bone_map: Mapping[str, str] | None
+
+
+class BuildSettings(ReadingSettings, total=False):
     """The fields of `BuildOptions` as keywords of `build`, for type checkers and editors."""
 
     preset: Preset
@@ -148,7 +158,6 @@ class BuildSettings(TypedDict, total=False):
     device: Device
     precision: Precision
     beats: Tracker
-    workers: int
     resume: bool
     init_from: str | Path | None
     pretrained: Pretrained
@@ -156,16 +165,12 @@ class BuildSettings(TypedDict, total=False):
     compress: bool
     rollout: bool
     rollout_teacher: bool
-    leave_out: Sequence[str]
-    skip_bad: bool
     lock_feet: bool
     augment_mirror: bool
     words: bool
     style_changes: Mapping[str, Any]
     density_changes: Mapping[str, Any]
     rollout_changes: Mapping[str, Any]
-    allow_outside: bool
-    bone_map: Mapping[str, str] | None
     method: str
 
 

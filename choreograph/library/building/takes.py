@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
 from choreograph.core.workers import each
 from choreograph.formats.axes_and_units import unit_in_notes
 from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
+from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.motifs import WORDS_PER_MOTIF, Vocabulary, find_motifs, make_vocabulary
 from choreograph.library.notes import Note
@@ -33,7 +35,7 @@ from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.motion.retargeting import retarget
-from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 if TYPE_CHECKING:
     from choreograph.nets.words import WordNet, WordTake
@@ -81,26 +83,39 @@ def measured_takes(
     """
     imported = import_sources([Path(source) for source in sources], options, report)
     check_takes(imported, options)
-    notes = imported.notes()
     first = imported.takes[0].motion.skeleton
     on_one = all(take.motion.skeleton.same_as(first) for take in imported.takes)
-    prepare = partial(_prepared, retargeted=not on_one, lock=options.lock_feet)
-    measured = []
-    for done, (one, jumps) in enumerate(each(prepare, imported.takes)):
-        measured.append(one)
-        notes += jumps
-        if report is not None:
-            report("measuring", done + 1, len(imported.takes))
-    notes += [] if on_one else [Note("retargeted")]
-    notes += [Note("short", m.take.name, {"clip_s": CLIP_S}) for m in measured if is_short(len(m.body_pos_m))]
+    measured, jumps = prepared_takes(
+        imported.takes, options, report, target=None if on_one else canonical_skeleton()
+    )
+    notes = [*imported.notes(), *jumps, *([] if on_one else [Note("retargeted")]), *short_notes(measured)]
     return measured, notes
 
 
-def _prepared(take: Take, *, retargeted: bool, lock: bool) -> tuple[MeasuredTake, list[Note]]:
-    """A take without jumps, on the canonical body if it is `retargeted`, with its features, and notes."""
+def prepared_takes(
+    takes: Sequence[Take], options: BuildOptions, report: ProgressReport | None, *, target: Skeleton | None
+) -> tuple[list[MeasuredTake], list[Note]]:
+    """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes."""
+    prepare = partial(_prepared, target=target, lock=options.lock_feet)
+    measured, notes = [], []
+    for done, (one, jumps) in enumerate(each(prepare, takes)):
+        measured.append(one)
+        notes += jumps
+        if report is not None:
+            report("measuring", done + 1, len(takes))
+    return measured, notes
+
+
+def short_notes(measured: Sequence[MeasuredTake]) -> list[Note]:
+    """Notes on the takes that are too short for a clip."""
+    return [Note("short", m.take.name, {"clip_s": CLIP_S}) for m in measured if is_short(len(m.body_pos_m))]
+
+
+def _prepared(take: Take, *, target: Skeleton | None, lock: bool) -> tuple[MeasuredTake, list[Note]]:
+    """A take without jumps, on the skeleton `target` if there is one, with its features, and notes."""
     take, notes = _without_jumps(take)
-    if retargeted:
-        take = replace(take, motion=retarget(take.motion, canonical_skeleton()))
+    if target is not None:
+        take = replace(take, motion=retarget(take.motion, target))
     if lock:
         take = replace(take, motion=lock_feet(take.motion))
     return measure_take(take), notes
@@ -297,11 +312,28 @@ def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> V
     """Embed the words and find motifs among them, and the templates and transitions of the genres."""
     words = np.concatenate([take.words.body_pos_m for take in takes])  # (N, 13, 21, 3)
     motifs, word_motif = find_motifs(net.embed(words), seed=seed)
-    return make_vocabulary(
-        motifs,
-        word_motif,
+    table = word_table(takes)
+    return make_vocabulary(motifs, word_motif, table.take, table.start_s, table.end_s, table.take_genres)
+
+
+def keep_motifs(
+    takes: Sequence[SegmentedTake], kept: KeptMotifs, net: WordNet, bodies: Sequence[AnyFloats]
+) -> Vocabulary:
+    """Embed the words, give each the nearest of the kept motifs, and make templates and transitions.
+
+    `bodies` are the positions (T, 21, 3) of the takes at 20 fps.
+    """
+    words = word_table(takes)
+    motif = np.concatenate([kept.nearest(net.embed(take.words.body_pos_m)) for take in takes])
+    return kept.vocabulary(words, motif, embedder_of(words, bodies.__getitem__, net.embed))
+
+
+def word_table(takes: Sequence[SegmentedTake]) -> WordTable:
+    """The words of the takes."""
+    return WordTable(
         np.repeat(np.arange(len(takes)), [len(take.words) for take in takes]),
         np.concatenate([take.words.start_s for take in takes]),
         np.concatenate([take.words.end_s for take in takes]),
+        [take.name for take in takes],
         [take.genre for take in takes],
     )
