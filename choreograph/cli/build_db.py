@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from choreograph.cli.present import (
     Command,
     check_outputs_apart,
     examples,
+    given_options,
     given_settings,
     names_of,
     printable,
@@ -26,7 +27,7 @@ from choreograph.core.progress import counted
 from choreograph.core.workers import is_of_torchrun
 
 if TYPE_CHECKING:
-    from choreograph.library.building.options import BuildOptions
+    from choreograph.library.building.options import BuildOptions, BuildResult
 
 _FILE = click.Path(path_type=Path)
 _PUBLISHED = ("augment_mirror", "init_from", "keep_networks")  # settings that --published needs as they are
@@ -45,6 +46,8 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
         "choreograph build-db aist/motions -o rep.h5 --preset tiny  a fast first try",
         "choreograph build-db new/ -o rep.h5 --init-from old.h5     starts from trained networks",
         "torchrun --nproc-per-node 4 -m choreograph build-db takes/ -o rep.h5   trains on four GPUs",
+        "choreograph build-db --add new/ rep.h5                     reads only new/, and keeps the networks",
+        "choreograph build-db --replace again/ --remove W_1 rep.h5 -o rep2.h5",
     ),
 )
 @click.argument("sources", nargs=-1, required=True, type=_FILE)
@@ -59,6 +62,17 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     "--compress", is_flag=True, default=None, help="Store motion in 16 bits: a third of the size."
 )
 @optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
+@optgroup.group("Changes of the repertoire SOURCES, which is replaced unless -o names another file")
+@optgroup.option(
+    "--add", multiple=True, type=_FILE, metavar="SOURCE", help="Add the takes of this source. Repeatable."
+)
+@optgroup.option(
+    "--replace", multiple=True, type=_FILE, metavar="SOURCE",
+    help="Replace its takes of the same names by those of this source. Repeatable.",
+)  # fmt: skip
+@optgroup.option(
+    "--remove", multiple=True, metavar="TAKE", help="Remove this take, or those of @FILE. Repeatable."
+)
 @optgroup.group("Takes")
 @optgroup.option("--leave-out", multiple=True, metavar="TAKE", help="Leave out this take, or @FILE of names.")
 @optgroup.option(
@@ -124,6 +138,9 @@ def command(
     output: Path | None,
     check: bool,
     quiet: bool,
+    add: tuple[Path, ...],
+    replace: tuple[Path, ...],
+    remove: tuple[str, ...],
     leave_out: tuple[str, ...],
     map_path: Path | None,
     published: bool,
@@ -136,16 +153,23 @@ def command(
     and an optional manifest.csv. The layouts of dance-with-melody, ChoreoNet (whose lists also count the
     takes of dance-with-melody), AIST++ and AMASS are read as well. A folder may hold several layouts.
     NAME.counts.csv beside NAME.bvh states the counts of a take: time_s,number,figure.
+
+    With --add, --replace or --remove, SOURCES is a repertoire. Only new takes are read, and networks and
+    motifs are kept. To train them again, build from all takes with --init-from.
     """
     from choreograph.library.building.options import BuildOptions
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.settings import published_build
 
-    if output is None and not check:
+    is_change = bool(add or replace or remove)
+    if output is None and not check and not is_change:
         raise click.UsageError("Missing option '-o' / '--output'.")
     check_outputs_apart([output], named_by=("output",))
     options["leave_out"] = names_of(leave_out) or None
     options["bone_map"] = read_bone_map(map_path) if map_path else None
+    if is_change:
+        _change(sources, output, options, add=add, replace=replace, remove=remove, quiet=quiet)
+        return
     settings = given_settings(BuildOptions, options, assigned)
     if "rollout_teacher" in settings and not settings.get("rollout"):
         raise ParameterError("expected --rollout beside --set rollout_teacher, got none")
@@ -182,9 +206,53 @@ def _build(sources: Sequence[Path], output: Path, settings: BuildOptions, *, qui
         say("stopped: the same command with --resume continues from here", err=True)
         sys.exit(130)
     if not quiet:
-        show_notes(built.notes)
-        takes, clips = len(built.repertoire.takes), built.repertoire.n_clips
-        say(f"{output}: {counted(takes, 'take')}, {counted(clips, 'clip')}")
+        _show(built)
+
+
+def _show(built: BuildResult) -> None:
+    show_notes(built.notes)
+    takes, clips = len(built.repertoire.takes), built.repertoire.n_clips
+    say(f"{built.path}: {counted(takes, 'take')}, {counted(clips, 'clip')}")
+
+
+_CHANGES = ("--add", "--replace", "--remove")
+# The other options that a change of a repertoire has: those about the reading of sources.
+_OF_CHANGES = (
+    *_CHANGES, "--output", "--quiet", "--leave-out", "--skip-bad", "--allow-outside", "--map", "--workers",
+)  # fmt: skip
+
+
+def _change(
+    repertoires: Sequence[Path],
+    output: Path | None,
+    options: Mapping[str, Any],
+    *,
+    add: Sequence[Path],
+    replace: Sequence[Path],
+    remove: tuple[str, ...],
+    quiet: bool,
+) -> None:
+    """Add, replace and remove takes of a repertoire."""
+    import choreograph as cg
+
+    if others := [
+        option for option in given_options() if option.startswith("-") and option not in _OF_CHANGES
+    ]:
+        raise ParameterError(
+            f"expected no {others[0]} beside {', '.join(_CHANGES)}, which keep the networks: to train them "
+            "again, build from all takes with --init-from"
+        )
+    if len(repertoires) != 1:
+        raise ParameterError(f"expected one repertoire to change, got {len(repertoires)} paths")
+    [path] = repertoires
+    settings: Any = {name: value for name, value in options.items() if value is not None}
+    with stages(quiet=quiet) as shown:
+        changed = cg.change_takes(
+            path, add=add, replace=replace, remove=names_of(remove), output=output, report=shown.report,
+            **settings,
+        )  # fmt: skip
+    if not quiet:
+        _show(changed)
 
 
 def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> None:

@@ -1,0 +1,205 @@
+"""Takes added to a repertoire, replaced and removed: the file is that of a build of all takes at once."""
+
+import shutil
+
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts
+
+import choreograph as cg
+from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
+from choreograph.core.files import folder_beside, locked_folder
+from choreograph.formats.register import save_motion
+from choreograph.library.builtin import STARTER_PATH
+
+A, B = ("one", "two"), ("three", "four")
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Folders A and B of two takes each, with and without music, and a folder of another take `one`."""
+    root = tmp_path_factory.mktemp("sources")
+    starter = cg.Repertoire.open(STARTER_PATH)
+
+    def put(folder, name, take, start_s, stop_s, song=None):
+        (root / folder).mkdir(exist_ok=True)
+        motion, _ = starter.motion(take, start_s=start_s, stop_s=stop_s)
+        save_motion(root / folder / f"{name}.bvh", motion)
+        if song is not None:
+            shutil.copy(cg.example_songs()[song], root / folder / f"{name}.ogg")
+
+    put("A", "one", 0, 0, 16, "cha-cha")
+    put("A", "two", 20, 5, 18)
+    put("B", "three", 70, 0, 14, "house")
+    (root / "B" / "three.counts.csv").write_text(
+        "time_s,number\n" + "".join(f"{i / 2},{i % 4 + 1}\n" for i in range(24))
+    )
+    put("B", "four", 100, 0, 10)
+    put("other", "one", 4, 2, 13)
+    return root
+
+
+def build(sources, output, init, **options):
+    return cg.build(sources, output, init_from=init, keep_networks=True, workers=1, **options).path
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["plain", "compressed"])
+def law(request, folders, tmp_path_factory):
+    """How to build with the networks and motifs of a repertoire of A, and what that makes of A."""
+    folder, options = tmp_path_factory.mktemp("law"), {"compress": request.param}
+    init = build(folders / "A", folder / "init.h5", STARTER_PATH, **options)
+
+    def build_kept(sources, output):
+        return build(sources, output, init, **options)
+
+    return build_kept, build_kept(folders / "A", folder / "base.h5")
+
+
+@pytest.mark.slow
+def test_changed_repertoires_have_the_bytes_of_builds_of_all_takes(law, folders, tmp_path):
+    build_kept, base = law
+    before = base.read_bytes()
+    expected = build_kept([folders / "A", folders / "B"], tmp_path / "all.h5").read_bytes()
+
+    grown = tmp_path / "grown.h5"
+    added = cg.change_takes(base, add=folders / "B", output=grown, workers=1)
+    assert grown.read_bytes() == expected and base.read_bytes() == before
+    assert any("farther from every motif than 95%" in note for note in added.notes)
+    added.repertoire.verify()
+
+    one_by_one = tmp_path / "one_by_one.h5"
+    shutil.copy(base, one_by_one)
+    for leave_out in (("four",), ("three",)):
+        cg.change_takes(one_by_one, add=folders / "B", leave_out=leave_out, workers=1)
+    again = cg.Repertoire.open(one_by_one)
+    assert [take.name for take in again.takes] == [*A, "three", "four"]  # in the order of the additions
+
+    mixed = tmp_path / "mixed"
+    mixed.mkdir()
+    for path in (*(folders / "A").glob("two.*"), folders / "other" / "one.bvh"):
+        shutil.copy(path, mixed)
+    expected = build_kept([mixed, folders / "B"], tmp_path / "mixed.h5").read_bytes()
+    cg.change_takes(grown, replace=folders / "other", workers=1)
+    assert grown.read_bytes() == expected
+
+    cg.change_takes(grown, replace=folders / "A", leave_out=["two"], remove=B, workers=1)
+    assert [take.name for take in cg.Repertoire.open(grown).takes] == list(A)
+
+
+@pytest.mark.slow
+def test_removed_takes_leave_what_a_build_without_them_makes(law, folders, tmp_path):
+    build_kept, base = law
+    build_kept([folders / "A", folders / "B"], tmp_path / "all.h5")
+    cg.change_takes(tmp_path / "all.h5", remove=B)
+    assert (tmp_path / "all.h5").read_bytes() == base.read_bytes()
+    lacking = cg.change_takes(base, remove=["two"], output=tmp_path / "less.h5")
+    assert lacking.repertoire.vocabulary.n_motifs < cg.Repertoire.open(base).vocabulary.n_motifs
+    assert any("not danced any more" in note for note in lacking.notes)
+    cg.dance(cg.example_songs()["cha-cha"], lacking.repertoire, duration_s=8.0, engine="mixer")
+
+
+@pytest.fixture
+def small(tmp_path):
+    """A repertoire of the takes take0 to take2 without networks, and a folder with a take `new`."""
+    path = synthetic_repertoire(tmp_path / "rep.h5", with_counts(synthetic_takes(duration_s=10.0))).path
+    folder = tmp_path / "new"
+    folder.mkdir()
+    save_motion(folder / "new.bvh", synthetic_takes(duration_s=9.0)[1].take.motion)
+    return path, folder
+
+
+def test_the_file_is_replaced_as_a_whole_or_not_at_all(small, tmp_path, monkeypatch):
+    path, folder = small
+    before = path.read_bytes()
+    changed = cg.change_takes(path, add=folder, remove=["take1"])
+    assert [take.name for take in changed.repertoire.takes] == ["take0", "take2", "new"]
+    changed.repertoire.verify()
+    assert changed.path == path and sorted(p.name for p in tmp_path.iterdir()) == ["new", "rep.h5"]
+
+    path.write_bytes(before)
+    monkeypatch.setattr("choreograph.library.writing._write_nets", lambda *_, **__: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        cg.change_takes(path, remove=["take1"])
+    assert path.read_bytes() == before and sorted(p.name for p in tmp_path.iterdir()) == ["new", "rep.h5"]
+
+
+def test_only_new_takes_are_measured(small, monkeypatch):
+    path, folder = small
+    measured = []
+    from choreograph.library.building import takes
+
+    real = takes.measure_take
+    monkeypatch.setattr(takes, "measure_take", lambda take: measured.append(take.name) or real(take))
+    old = cg.Repertoire.open(path).body_pos_m(2)
+    changed = cg.change_takes(path, add=folder, workers=1).repertoire
+    assert measured == ["new"]
+    np.testing.assert_array_equal(changed.body_pos_m(2), old)
+
+
+def test_takes_on_another_skeleton_are_moved_onto_that_of_the_repertoire(small, tmp_path):
+    path, _ = small
+    motion, _ = cg.starter_repertoire().motion(0, stop_s=9.0)
+    (tmp_path / "rig").mkdir()
+    save_motion(tmp_path / "rig" / "other.bvh", motion)
+    skeleton = cg.Repertoire.open(path).skeleton
+    assert not motion.skeleton.same_as(skeleton)
+    changed = cg.change_takes(path, add=tmp_path / "rig")
+    assert changed.repertoire.skeleton.same_as(skeleton)
+    assert any("retargeted to that of the repertoire" in note for note in changed.notes)
+
+
+def test_genres_that_the_networks_have_not_seen_are_named(law, folders, tmp_path):
+    _, base = law
+    (tmp_path / "polka").mkdir()
+    shutil.copy(folders / "B" / "four.bvh", tmp_path / "polka" / "five.bvh")
+    (tmp_path / "polka" / "manifest.csv").write_text("name,genre\nfive,polka\n")
+    changed = cg.change_takes(base, add=tmp_path / "polka", output=tmp_path / "out.h5")
+    assert any("without polka" in note and "--init-from" in note for note in changed.notes)
+
+
+def test_takes_that_were_left_out_are_not_held_out_any_more(small):
+    path, folder = small
+    shutil.copy(folder / "new.bvh", folder / "also.bvh")
+    changed = cg.change_takes(path, add=folder, leave_out=["new", "other"]).repertoire
+    assert changed.provenance["left_out"] == ["new", "other"] and changed.takes[-1].name == "also"
+    changed = cg.change_takes(path, add=folder / "new.bvh").repertoire
+    assert changed.provenance["left_out"] == ["other"] and changed.takes[-1].name == "new"
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({}, "takes to add, to replace or to remove"),
+        ({"remove": ["take0", "gone"]}, "no 'gone'"),
+        ({"remove": ["take0", "take1", "take2"]}, "a take that is left"),
+        ({"replace": "new"}, "no 'new'"),
+        ({"add": "known"}, "the repertoire has 'take0'"),
+        ({"replace": "known", "remove": ["take0"]}, "two of 'take0'"),
+        ({"add": "new", "preset": "tiny"}, "build the repertoire again"),
+        ({"remove": "take0"}, "texts"),
+        ({"remove": ["take0"], "output": "rep.h5"}, "it is an input"),
+    ],
+)
+def test_changes_that_do_not_fit_are_refused(small, tmp_path, monkeypatch, changes, says):
+    path, folder = small
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "known").mkdir()
+    shutil.copy(folder / "new.bvh", tmp_path / "known" / "take0.bvh")
+    before = path.read_bytes()
+    with pytest.raises(ParameterError, match=says):
+        cg.change_takes(path, **changes)
+    assert path.read_bytes() == before
+
+
+def test_no_other_process_changes_the_file_at_once(small):
+    path, _ = small
+    with locked_folder(folder_beside(path, ".build"), doing="builds rep.h5"), pytest.raises(ChoreographError):
+        cg.change_takes(path, remove=["take0"])
+
+
+def test_a_damaged_repertoire_is_not_replaced(small, tmp_path):
+    path, folder = small
+    path.write_bytes(path.read_bytes()[:4000])
+    with pytest.raises(RepertoireError):
+        cg.change_takes(path, add=folder)
+    assert path.stat().st_size == 4000
