@@ -34,7 +34,7 @@ from .music.song import Song as Song
 from .music.song import load_song as load_song
 from .music.song_features import SongFeatures as SongFeatures
 from .pipeline.building import build as build
-from .pipeline.building import change_takes as change_takes
+from .pipeline.changing import change_takes as change_takes
 from .pipeline.dancing import Dance as Dance
 from .pipeline.dancing import dance as dance
 from .pipeline.rollout_stream import RolloutFrame as RolloutFrame

@@ -231,6 +231,9 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
         "build": sound(
             cg.build, sources=t.folder / "empty", output="rep.h5", preset="tiny", pretrained="nothing"
         ),
+        "change_takes": sound(
+            cg.change_takes, repertoire=t.repertoire.path, remove=["take1"], output="changed.h5"
+        ),
         "dance": Sound(dance, {"candidates": 4}, too_long=(("repertoire", "None"),)),
         "dance:keep": Sound(
             dance, {"candidates": 4, "existing": t.made, "keep": [cg.Keep(0.0, 2.5)]}, ("existing", "keep")

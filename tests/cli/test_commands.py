@@ -340,6 +340,23 @@ def test_the_costs_are_explained_by_their_classes():
     assert printed.count("Raise") == len(DEFAULT_WEIGHTS)
 
 
+def test_takes_are_added_replaced_and_removed(tmp_path, db):
+    path, other = tmp_path / "rep.h5", tmp_path / "other.h5"
+    path.write_bytes(db.read_bytes())
+    for folder, name in (("new", "walk"), ("again", "take0")):
+        (tmp_path / folder).mkdir()
+        save_motion(tmp_path / folder / f"{name}.bvh", swaying(270))
+    result = run("build-db", "--add", tmp_path / "new", "--remove", "take1", path)
+    assert result.exit_code == 0 and "rep.h5: 3 takes" in result.stdout, result.output
+    result = run("build-db", "--replace", tmp_path / "again", path, "-o", other, "-q")
+    assert result.exit_code == 0 and not result.stdout, result.output
+    names = [take["name"] for take in json.loads(run("inspect", other, "--json").output)["takes"]]
+    assert names == ["take0", "take2", "walk"]
+    assert_one_line(run("build-db", "--remove", "take1", path), says="no 'take1'")
+    assert_one_line(run("build-db", "--add", tmp_path / "new", path), says="--replace")
+    assert_one_line(run("build-db", "--remove", "take0", db, "-o", db), says="it is an input")
+
+
 def test_a_damaged_block_is_found(tmp_path, db):
     result = run("inspect", db, "--check")
     assert result.exit_code == 0 and "every checksum is right" in result.stdout, result.output

@@ -68,6 +68,7 @@ def test_the_options_to_repeat_are_few():
         if isinstance(option, click.Option) and option.multiple
     }
     assert repeated == {
+        ("build-db", "--add"), ("build-db", "--replace"), ("build-db", "--remove"),
         ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
         ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
         ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
@@ -129,6 +130,9 @@ def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, d
         (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --plots and --signature"),
         (("inspect", db, "--lint", "--notes"), "got --notes and --lint"),
         (("inspect", db, "--lint", "--check"), "got --check and --lint"),
+        (("build-db", "--add", "x", db, "--preset", "tiny"), "expected no --preset beside --add"),
+        (("build-db", "--remove", "x", db, "--set", "seed=1"), "expected no --set beside --add"),
+        (("build-db", "--remove", "x", db, db), "expected one repertoire to change, got 2"),
         (("inspect", db, "--lint", "-o", "x.png"), "expected -o together with one of --signature"),
         (("inspect", db, "--coverage", "x.wav", "-o", "x.svg"), "expected a .png for --coverage"),
         (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),

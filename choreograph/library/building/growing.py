@@ -164,7 +164,8 @@ def _new_takes(kept: _Kept, changes: TakeChanges, report: ProgressReport | None)
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         counter = shipped[MOTION_NET].trained_on
         notes.append(Note("counting networks", values={"networks": shipped[MOTION_NET].description}))
-    segmented, segment_notes = [], []
+    segmented: list[SegmentedTake] = []
+    segment_notes: list[Note] = []
     if kept.repertoire.has_vocabulary:
         segmented, segment_notes = segment_takes(measured, songs, report=report)
     notes += [*song_notes([m.take for m in measured], songs), *segment_notes]

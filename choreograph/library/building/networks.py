@@ -178,7 +178,7 @@ class PretrainedWeights:
 
 
 def _in_half_precision(net: NetArrays) -> NetArrays:
-    rounded = {name: np.float32(np.float16(weights)) for name, weights in net.weights.items()}
+    rounded = {name: array.astype(np.float16).astype(np.float32) for name, array in net.weights.items()}
     return replace(net, weights=rounded)
 
 

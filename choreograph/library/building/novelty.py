@@ -12,6 +12,7 @@ from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 
 MOST = 400  # words or clips of either side that are compared, evenly spaced
+_MOST_TAKES = 32  # whose words are compared, since bodies are read take by take
 _SHARE = 0.95  # of what the networks were trained on, which is nearer than what counts as far
 
 
@@ -63,9 +64,11 @@ def _trained_takes(repertoire: Repertoire) -> Indices:
     return np.array(trained or range(len(repertoire.takes)), np.int64)
 
 
-def _some(indices: Indices) -> Indices:
-    """At most `MOST` of the indices, evenly spaced."""
-    return indices[np.unique(np.linspace(0, len(indices) - 1, min(MOST, len(indices))).round().astype(int))]
+def _some(indices: Indices, most: int = MOST) -> Indices:
+    """At most `most` of the indices, evenly spaced."""
+    at = np.linspace(0, len(indices) - 1, min(most, len(indices))).round().astype(np.int64)
+    some: Indices = indices[at]
+    return some
 
 
 def _word_distances_m(
@@ -75,7 +78,8 @@ def _word_distances_m(
     motifs, embed = KeptMotifs.of(repertoire), repertoire.word_net().embed
     before = repertoire.vocabulary
     table = WordTable(before.word_take, before.word_start_s, before.word_end_s, (), ())
-    known = _some(np.flatnonzero(np.isin(before.word_take, trained)))
+    takes = _some(np.intersect1d(before.word_take, trained), _MOST_TAKES)
+    known = _some(np.flatnonzero(np.isin(before.word_take, takes)))
     of_known = embedder_of(table, repertoire.body_pos_m, embed)(known)
     of_new = embedder_of(words, bodies.__getitem__, embed)(_some(np.arange(len(words.take))))
     return motifs.distances_m(of_new), motifs.distances_m(of_known)
