@@ -72,6 +72,9 @@ def files(tmp_path_factory):
     for seed, name in enumerate(TAKES):
         save_motion(folder / "takes" / f"{name}.bvh", stepping(16 * 30, seed=seed))
         write_clicks(folder / "takes" / f"{name}.wav", duration_s=16.0)
+    for source, name in (("new", "turn"), ("again", "house-01")):
+        (folder / source).mkdir()
+        save_motion(folder / source / f"{name}.bvh", stepping(12 * 30, seed=9))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for presets in (configs._DENSITY_PRESETS, configs._STYLE_PRESETS, configs._WORD_PRESETS):
