@@ -225,14 +225,22 @@ def test_what_a_kept_repertoire_lacks_is_trained(silent_takes, of_silent_takes, 
     with_old = BuildOptions(
         preset="tiny", init_from=old.path, keep_networks=True, leave_out=("long", "longer")
     )
-    few, notes = build_repertoire([silent_takes], tmp_path / "few.h5", with_old)
-    assert few.net_names == ("words",)  # taken over, though its takes have too few words for motifs
-    assert not few.has_vocabulary
-    assert any(f"fewer than {FEWEST_WORDS}" in note for note in notes)
-    lacking, _ = build_repertoire(
+    few, _ = build_repertoire([silent_takes], tmp_path / "few.h5", with_old)
+    assert few.net_names == (
+        "words",
+    )  # taken over, with its motifs, though there are too few words to find any
+    motifs, kept = old.vocabulary.motifs, few.vocabulary.motifs
+    assert len(few.vocabulary.word_motif) < FEWEST_WORDS
+    same = np.flatnonzero((motifs.embeddings[:, None] == kept.embeddings).all(axis=2))
+    assert len(same) == len(kept) < len(motifs)  # those that its take dances, in their order
+    [take] = [old.take_index(take.name) for take in few.takes]
+    its_motifs = old.vocabulary.word_motif[old.vocabulary.words_of_take(take)]
+    np.testing.assert_array_equal(kept.embeddings[few.vocabulary.word_motif], motifs.embeddings[its_motifs])
+    lacking, notes = build_repertoire(
         [silent_takes], tmp_path / "none.h5", BuildOptions(preset="tiny", leave_out=("long", "longer"))
     )
-    assert lacking.net_names == ()
+    assert lacking.net_names == () and not lacking.has_vocabulary
+    assert any(f"fewer than {FEWEST_WORDS}" in note for note in notes)
     trained, _ = build_repertoire(
         [silent_takes], tmp_path / "c.h5", replace(with_old, init_from=lacking.path, leave_out=())
     )
