@@ -72,7 +72,8 @@ def test_build_resume_reuse_and_dance(takes, tmp_path):
     assert kept.provenance["trained_on"] == built.provenance["trained_on"]
     assert not (tmp_path / "c.h5.build").exists()
     assert kept.path.stat().st_size < 0.5 * built.path.stat().st_size
-    np.testing.assert_allclose(kept.clip_style, built.clip_style, atol=1e-5)
+    # A compressed file has weights of 16 bits, which embed its clips.
+    np.testing.assert_allclose(kept.clip_style, built.clip_style, atol=5e-4)
     np.testing.assert_array_equal(kept.vocabulary.word_motif, built.vocabulary.word_motif)
 
     made = cg.dance(takes / "DANCE_W_11" / "audio.mp3", built, duration_s=12.0)
