@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields, is_dataclass
 from threading import Lock
@@ -154,9 +154,11 @@ class RecentItems(Generic[_Item]):
             return self._items[key][0]
 
     def keep(self, key: Hashable, item: _Item, n_bytes: int) -> None:
-        """Keep an item, unless it is too large, in place of those that were not used for longest."""
+        """Keep an item, in place of one with its key, of those not used for longest, or not if too large."""
         with self._lock:
-            if key in self._items or n_bytes > self._most_bytes:
+            if key in self._items:
+                self._n_bytes -= self._items.pop(key)[1]
+            if n_bytes > self._most_bytes:
                 return
             self._items[key] = item, n_bytes
             self._n_bytes += n_bytes
@@ -197,13 +199,34 @@ class Memory:
         """The value that `compute` returns, or the one that it returned for the same inputs."""
         if self._kept is None:
             return compute()
-        key = digest(self._inputs, *inputs)
+        key = self.key(*inputs)
         kept = self._kept.get(key)
         if kept is None:
             kept = (compute(),)
             self._kept.keep(key, kept, _n_bytes(kept))
         value: _Item = kept[0]
         return value
+
+    def value_from_last(
+        self, compute: Callable[[_Item | None], _Item], common: Sequence[object], *inputs: object
+    ) -> _Item:
+        """As `value`, of the `common` inputs and the others. `compute` may take parts of another value.
+
+        It gets the last value that was made with the same `common` inputs, or None if that is not kept.
+        """
+        if self._kept is None:
+            return compute(None)
+        latest = self.key("latest", *common)
+        last = self._kept.get(latest)
+        before = None if last is None else self._kept.get(last[0])
+        key = self.key(*common, *inputs)
+        value = self.value(lambda: compute(None if before is None else before[0]), *common, *inputs)
+        self._kept.keep(latest, (key,), _n_bytes(key))
+        return value
+
+    def key(self, *inputs: object) -> bytes:
+        """The key of a value by its inputs, or nothing if no values are kept."""
+        return b"" if self._kept is None else digest(self._inputs, *inputs)
 
 
 NO_MEMORY = Memory()

@@ -40,7 +40,7 @@ class KeptBlocks:
     def rows(self, rows: AnyInts, read: ReadBlocks) -> NDArray[Any]:
         """Copies of rows (...). Blocks that are not kept are read by `read`, which gets their numbers."""
         block, row = np.divmod(rows, self._block_rows)
-        needed = np.unique(block)
+        needed = np.flatnonzero(np.bincount(block.ravel(), minlength=len(self._slots)))
         with self._lock:
             if len(needed) <= len(self._owners):
                 self._load(needed, read)

@@ -288,7 +288,11 @@ def make_layers(
     )  # fmt: skip
     motifs, n_motifs = None, 0
     if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
-        motifs = node_motifs(segments, clips, song_words_s(features), repertoire.span_motifs.motifs_of)
+        words_s = song_words_s(features)
+        motifs = request.memory.value(
+            lambda: node_motifs(segments, clips, words_s, repertoire.span_motifs.motifs_of),
+            "node motifs", segments.inputs, segments.clip, words_s,
+        )  # fmt: skip
         n_motifs = repertoire.vocabulary.n_motifs
     tie_break_s = _TIE_BREAK_S * np.random.default_rng(config.seed).random(len(repertoire.takes))[takes]
     return LayerSource(

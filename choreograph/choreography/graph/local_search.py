@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, cast
@@ -74,6 +74,8 @@ class CheapNodes:
         kinds = [type(weighted.cost) for weighted in of_path]
         compiled = len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED)
         kind = _CompiledNodes if compiled else CheapNodes
+        if compiled:
+            layers, of_path = _with_few_columns(layers, of_path)
         return kind(layers, tuple(node_cost), edge_cost, of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
@@ -254,6 +256,31 @@ class _Rest:
 
 
 # The same search, compiled for the built-in costs that depend on the path.
+
+
+def _with_few_columns(
+    layers: tuple[Layer, ...], of_path: tuple[WeightedCost, ...]
+) -> tuple[tuple[Layer, ...], tuple[WeightedCost, ...]]:
+    """The layers and built-in costs with columns for the motifs and takes of these layers alone.
+
+    The others are never counted, but every step would copy their columns.
+    """
+    motifs = np.unique(np.concatenate([layer.motifs.ravel() for layer in layers]))
+    motifs = motifs[motifs >= 0]
+    number = np.full(layers[0].motif_counts.shape[1] + 1, -1, np.int16)  # the last one for no motif
+    number[motifs] = np.arange(len(motifs))
+    takes = np.unique(np.concatenate([layer.usage_column for layer in layers]))
+    takes = takes[: layers[0].take_usage_s.shape[1]]  # none if usage is not counted
+    few = tuple(
+        changed_layer(
+            layer, motifs=number[layer.motifs], motif_counts=layer.motif_counts[:, motifs],
+            usage_column=np.searchsorted(takes, layer.usage_column),
+            take_usage_s=layer.take_usage_s[:, takes],
+        )
+        for layer in layers
+    )  # fmt: skip
+    costs = [w.cost.among(motifs) if isinstance(w.cost, Signature) else w.cost for w in of_path]
+    return few, tuple(replace(w, cost=cost) for w, cost in zip(of_path, costs, strict=True))
 
 
 # Of each of P nodes: turn_rad (P,), take_usage_s (P, takes), danced (P, R), motif_counts (P, M).

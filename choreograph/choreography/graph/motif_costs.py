@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from choreograph.choreography.graph.layers import Layer, PoseBank
 from choreograph.choreography.graph.segments import ClipTable, Segments
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.kernel_cache import njit
-from choreograph.core.numerics import AnyFloats
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import BODY_JOINTS
@@ -110,6 +111,12 @@ class Signature(Cost):
             _signature_steps(goal, words_between(song_features, first, stop), stop - first)
             for (first, goal), stop in zip(goals, stops, strict=True)
         ]
+
+    def among(self, motifs: AnyInts) -> Signature:
+        """The cost of layers whose only motifs are these (M,), with their indices there as numbers."""
+        cost = copy(self)
+        cost._step_cost = [np.ascontiguousarray(steps[motifs]) for steps in self._step_cost]
+        return cost
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:

@@ -62,8 +62,10 @@ def plan_exact(
     keys, total, cheap_nodes = _search(source, costs, song_features, report)
     of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
     if of_path:
-        keys = _improved(keys, cheap_nodes, source, costs, song_features)
-    path = _path_with_costs(source, keys, costs, song_features)
+        nodes = _improved(keys, cheap_nodes, source, costs, song_features)
+    else:
+        nodes = [source.node(key) for key in keys]
+    path = _path_with_costs(nodes, costs, song_features)
     if not with_bound:
         return path
     fixed = [weighted for weighted in costs if not weighted.cost.of_path]
@@ -115,8 +117,8 @@ def _improved(
     source: LayerSource,
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
-) -> list[int]:
-    """The keys of the path with these `keys`, or of a cheaper one through cheap nodes of every second."""
+) -> list[Layer]:
+    """The nodes of the path with these `keys`, or of a cheaper one through cheap nodes of every second."""
     searched, path = [], []
     for key, nodes in zip(keys, cheap_nodes, strict=True):
         segment, offset = divmod(key, SEGMENT_S)
@@ -125,7 +127,7 @@ def _improved(
         searched.append(with_node)
         path.append(index)
     found = CheapNodes.of(searched, costs, song_features).improved(np.array(path))
-    return [int(_node_keys(layer)[node]) for (layer, _), node in zip(searched, found, strict=True)]
+    return [layer.subset(slice(node, node + 1)) for (layer, _), node in zip(searched, found, strict=True)]
 
 
 def _allowed_node(
@@ -157,7 +159,7 @@ def plan_greedy(
             raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _path_with_costs(source, path.keys, costs, song_features)
+    return _path_with_costs([source.node(key) for key in path.keys], costs, song_features)
 
 
 class _GreedyPath:
@@ -207,16 +209,12 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
 
 
 def _path_with_costs(
-    source: LayerSource,
-    keys: list[int],
-    costs: Sequence[WeightedCost],
-    song_features: SongFeatures,
+    layers: Sequence[Layer], costs: Sequence[WeightedCost], song_features: SongFeatures
 ) -> Path:
-    """The path through the nodes with keys segment × 4 + offset, with every cost term of each."""
+    """The path through layers of one node, with every cost term of each."""
     nodes: list[Layer] = []
     terms_of: list[dict[str, float]] = []
-    for key in keys:
-        node = source.node(key)
+    for node in layers:
         last = nodes[-1] if nodes else None
         terms_of.append(_terms_of(last, node, costs, song_features))
         nodes.append(with_history(node, node if last is None else last))

@@ -24,16 +24,16 @@ from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
     CountedClips,
     count_time_maps,
-    smooth_time_maps,
-    subsequence_dtw,
+    warp_by_density,
 )
-from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Memory, digest, frame_weights
-from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Indices, Memory
+from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 
 NEAR_FRAMES = 1.0  # 50 ms, up to which beats match fully
 FAR_FRAMES = 5.0  # 250 ms, beyond which beats do not match at all
 _UNKNOWN_OFF_BAR = 0.75  # of a take without counts, as by chance in a bar of four
+_KEY_BYTES = 16  # of the key of a memory
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,7 @@ class Segments:
     time_map_id: NDArray[np.int64]  # (S, K) equal in segments of one time map. `NO_TIME_MAP` if none
     off_bar: NDArray[np.float32]  # (S, K, 4) share of beats whose number in the bar is not the take's
     phrase_penalty: NDArray[np.float32]  # (S, K, 5) of changing takes at the quarters' borders, 0 … 1
+    inputs: NDArray[np.uint8]  # (S, 16) digest of all else that they follow from. 0 without memory
 
 
 def warp_segments(
@@ -79,7 +80,8 @@ def warp_segments(
     `music_beats_s` (Q,) are times in the song. Clips of takes with counts (`counted`) are aligned by their
     counts instead (`count_time_maps`). With `as_recorded`, segments are the clips' middle 4 s at their own
     speed. See ChoreoGraph, section 3.2. Smooth time maps (`smoothed`) and alignment by counts are ours.
-    Seconds are taken from `memory` if its values are for the same clips and `clip_density`.
+    `memory` is of the same clips and `clip_density`. From it, seconds and segments of other candidates are
+    taken.
     """
     n_seconds = len(clip)
     grid = None if counted is None else (counted.song, counted.join_times_s)
@@ -88,14 +90,19 @@ def warp_segments(
     def warp(second: int) -> Segments:
         near = slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))
         music_frames = (music_beats_s[near] - second) * NET_FPS
-        return memory.value(
-            lambda: _warped_second(
-                second, clip[second], music_density[second], music_frames, clip_density, clip_speed, beats,
-                counted, as_recorded=as_recorded, smoothed=smoothed,
-            ),
-            second, clip[second], music_density[second], music_frames,
-            None if counted is None else counted.later_counts[second],
-        )  # fmt: skip
+        later = None if counted is None else counted.later_counts[second]
+        inputs = (second, music_density[second], music_frames, later)
+        key = np.frombuffer(memory.key(*inputs) or bytes(_KEY_BYTES), np.uint8)
+
+        def warped(clips: NDArray[np.integer]) -> Segments:
+            return _warped_second(
+                second, clips, music_density[second], music_frames, clip_density, clip_speed, beats, counted,
+                key, as_recorded=as_recorded, smoothed=smoothed,
+            )  # fmt: skip
+
+        return memory.value_from_last(
+            lambda before: _warped_from(before, clip[second], warped), inputs, clip[second]
+        )
 
     all_arrays: list[NDArray[Any]] = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -109,6 +116,29 @@ def warp_segments(
     return Segments(*all_arrays)
 
 
+def _warped_from(
+    before: Segments | None, clip: NDArray[np.integer], warped: Callable[[NDArray[np.integer]], Segments]
+) -> Segments:
+    """The segments of clips (K,) in one second. Those among the segments `before` are taken from there."""
+    if before is None:
+        return warped(clip)
+    place, known = _places_in(before.clip, clip)
+    made = None if known.all() else warped(clip[~known])
+    arrays: dict[str, NDArray[Any]] = {}
+    for name in (field.name for field in fields(Segments) if field.name != "inputs"):
+        arrays[name] = getattr(before, name)[place]
+        if made is not None:
+            arrays[name][~known] = getattr(made, name)
+    return Segments(**arrays, inputs=before.inputs)
+
+
+def _places_in(ids: AnyInts, wanted: AnyInts) -> tuple[Indices, NDArray[np.bool_]]:
+    """The index (K,) of each `wanted` id among other ids (N,), and whether it is there (K,)."""
+    order = np.argsort(ids)
+    place: Indices = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
+    return place, ids[place] == wanted
+
+
 def _warped_second(
     second: int,
     clip: NDArray[np.integer],
@@ -118,6 +148,7 @@ def _warped_second(
     clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
     beats: ClipBeats,
     counted: CountedClips | None,
+    inputs: NDArray[np.uint8],
     *,
     as_recorded: bool,
     smoothed: bool,
@@ -139,7 +170,7 @@ def _warped_second(
         phrase_penalty[laid.candidates] = laid.phrase_penalty
     if searched.any():
         others = clip[searched]
-        time_maps[searched], density_mismatch[searched] = _warp_by_density(
+        time_maps[searched], density_mismatch[searched] = warp_by_density(
             music_density, clip_density(others), music_frames, beats.frames, beats.ranges[others],
             as_recorded=as_recorded, smoothed=smoothed,
         )  # fmt: skip
@@ -149,52 +180,8 @@ def _warped_second(
     unmatched_beat, first_beat, last_beat = (np.asarray(measure, np.float32) for measure in measures)
     return Segments(
         np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat,
-        time_map_id, off_bar, phrase_penalty,
+        time_map_id, off_bar, phrase_penalty, inputs,
     )  # fmt: skip
-
-
-def _warp_by_density(
-    query: NDArray[np.float32],
-    targets: NDArray[np.float32],
-    music_frames: NDArray[np.floating],
-    beat_frames: NDArray[np.float64],
-    beat_ranges: NDArray[np.int64],
-    *,
-    as_recorded: bool,
-    smoothed: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
-    """Time maps (K, 81) of one second's candidates, and the mismatch of densities along them (K, 4)."""
-    if as_recorded:
-        middle = (CLIP_FRAMES - SEGMENT_FRAMES) // 2
-        maps = np.tile(np.arange(middle, middle + SEGMENT_FRAMES + 1, dtype=np.float64), (len(targets), 1))
-    else:
-        if smoothed:
-            paths, _ = subsequence_dtw(query, targets)  # (K, 80)
-            maps = smooth_time_maps(
-                paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
-                music_beats=music_frames,
-            )  # fmt: skip
-        else:  # a frame of the clip is left for the end of the last frame
-            paths, _ = subsequence_dtw(query, targets[:, :-1])
-            maps = paths.astype(np.float64)
-        # The end of the last frame, with the slope of the frame before it inside the clip.
-        end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
-        maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
-    return maps, _density_mismatch(query, targets, maps)
-
-
-def _density_mismatch(
-    query: NDArray[np.float32], targets: NDArray[np.float32], maps: NDArray[np.float64]
-) -> NDArray[np.float32]:
-    """Mean squared difference of densities along the smoothed maps, per quarter, (K, 4)."""
-    low, high, weights = frame_weights(maps[:, :-1], targets.shape[1])
-    weight = weights.astype(np.float32)
-    rows = np.arange(len(targets))[:, None]
-    warped = targets[rows, low] * (1 - weight) + targets[rows, high] * weight  # (K, 80)
-    mismatch: NDArray[np.float32] = (
-        ((warped - query) ** 2).reshape(len(maps), SEGMENT_S, NODE_FRAMES).mean(axis=2)
-    )
-    return mismatch
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +255,6 @@ class LayerSource:
         self._moments = moments or [()] * len(segments.clip)
         self._returns = returns or [None] * len(segments.clip)
         self._not_danced = np.full(sum(map(len, self._moments)), np.nan)
-        self._contents: dict[int, bytes] = {}
 
     @property
     def n_seconds(self) -> int:
@@ -278,32 +264,46 @@ class LayerSource:
     def layer(self, second: int) -> Layer:
         """All nodes active in `second`."""
         inserted = range(max(0, second - SEGMENT_S + 1), second + 1)
-        layer = self._memory.value(
-            lambda: self._layer(second, inserted[::-1]),
-            second, [self._content(start) for start in inserted], self._n_motifs,
+        part = slice(inserted[0], second + 1)
+        joins_s = self._join_times_s[inserted[0] : second + 2]
+        layer = self._memory.value_from_last(
+            lambda before: self._layer(second, inserted[::-1], before),
+            (second, self._segments.inputs[part], joins_s), self._segments.clip[part],
         )  # fmt: skip
         return self._in_dance(layer)
 
-    def _layer(self, second: int, starts: Sequence[int]) -> Layer:
-        """The nodes of the segments inserted at `starts`, one of each time map."""
+    def _layer(self, second: int, starts: Sequence[int], before: Layer | None) -> Layer:
+        """The nodes of the segments inserted at `starts`, one of each time map.
+
+        Those among the nodes of the layer `before`, which is of the same seconds, are taken from there.
+        """
         kept = one_per_time_map([self._segments.time_map_id[start] for start in starts])
         start = np.repeat(np.asarray(starts), [len(nodes) for nodes in kept])
-        return self._nodes(start, second - start, np.concatenate(kept))
+        rank = np.concatenate(kept)
+        if before is None:
+            return self._nodes(start, second - start, rank)
+        clip = self._segments.clip[start, rank]
+        place, known = _places_in(SEGMENT_S * before.clip + before.offset, SEGMENT_S * clip + second - start)
+        layer, new = before.subset(place), ~known
+        made = self._nodes(start[new], second - start[new], rank[new]) if new.any() else None
+        for name, values in vars(made).items() if made else ():
+            if isinstance(values, np.ndarray):
+                getattr(layer, name)[new] = values
+        return changed_layer(layer, segment=self._numbers(start, rank))
 
-    def _content(self, start: int) -> bytes:
-        """A digest of the segments inserted at `start`, and of where they are joined."""
-        if start not in self._contents and self._memory.is_on:
-            of_segments = [getattr(self._segments, field.name)[start] for field in fields(Segments)]
-            joins_s = self._join_times_s[start : start + SEGMENT_S + 1]
-            self._contents[start] = digest(start, of_segments, joins_s, self._motifs[start])
-        return self._contents.get(start, b"")
+    def _numbers(self, start: AnyInts, rank: AnyInts) -> AnyInts:
+        """`Layer.segment` of segments `rank` (N,) that are inserted at `start` (N,)."""
+        return start * self._segments.clip.shape[1] + rank
 
     def _in_dance(self, layer: Layer) -> Layer:
         """The layer with what depends on the dance and its seed, not on the segments alone."""
         walk_m = layer.travel_m(self._walk_at) if self._walk_at else layer.walk_m
+        start, rank = np.divmod(layer.segment, self._segments.clip.shape[1])
         return changed_layer(
             layer,
             walk_m=walk_m,
+            motifs=self._motifs[start, rank, layer.offset],
+            motif_counts=np.zeros((layer.n_nodes, self._n_motifs), np.int16),
             take_usage_s=_repeated(self._usage_at_start_s, layer.n_nodes),
             usage_column=self._clips.usage_column[layer.take],
             danced=_repeated(self._not_danced, layer.n_nodes),
@@ -344,7 +344,7 @@ class LayerSource:
         headings = self._poses.headings_rad(clip, source_frames)  # (N, 21)
         return Layer(
             second=int(start[0] + offset[0]),
-            segment=start * segments.clip.shape[1] + rank,
+            segment=self._numbers(start, rank),
             offset=offset,
             clip=clip,
             take=take,
@@ -376,8 +376,8 @@ class LayerSource:
             last_pose_m=np.ascontiguousarray(borders.pose_m[:, 1]),
             first_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 0]),
             last_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 1]),
-            motifs=self._motifs[start, rank, offset],
-            motif_counts=np.zeros((len(clip), self._n_motifs), np.int16),
+            motifs=np.zeros((len(clip), 0), np.int16),
+            motif_counts=np.zeros((len(clip), 0), np.int16),
             danced=np.zeros((len(clip), 0)),
             bank=self._poses,
         )

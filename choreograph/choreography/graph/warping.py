@@ -10,8 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from choreograph.choreography.graph.warp_kernels import dtw_batch, smooth_batch
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats
-from choreograph.core.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
+from choreograph.core.numerics import Floats, frame_weights
+from choreograph.core.timebase import (
+    CLIP_FRAMES,
+    MAX_SLOPE,
+    MIN_SLOPE,
+    NET_FPS,
+    NODE_FRAMES,
+    SEGMENT_FRAMES,
+    SEGMENT_S,
+)
 from choreograph.music.count_grids import MAX_SHIFT_S, SongGrid, TakeGrids
 
 # Subsequence dynamic time warping of tempo-densities, many candidates in one call.
@@ -116,6 +124,57 @@ def smooth_time_maps(
         float(snap_frames), float(stiffness), ANCHOR_WEIGHT, MIN_SLOPE, MAX_SLOPE, float(clip_frames - 1),
     )  # fmt: skip
     return time_maps
+
+
+# The time maps of the candidates of one second, by their densities.
+
+
+def warp_by_density(
+    query: NDArray[np.float32],
+    targets: NDArray[np.float32],
+    music_frames: NDArray[np.floating],
+    beat_frames: NDArray[np.float64],
+    beat_ranges: NDArray[np.int64],
+    *,
+    as_recorded: bool,
+    smoothed: bool,
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Time maps (K, 81) of one second's candidates, and the mismatch of densities along them (K, 4).
+
+    `query` (80,) is the tempo-density of the music, and `targets` (K, 160) are those of the clips. With
+    `as_recorded`, the maps are those of the clips' middle 4 s at their own speed. See `smooth_time_maps`.
+    """
+    if as_recorded:
+        middle = (CLIP_FRAMES - SEGMENT_FRAMES) // 2
+        maps = np.tile(np.arange(middle, middle + SEGMENT_FRAMES + 1, dtype=np.float64), (len(targets), 1))
+    else:
+        if smoothed:
+            paths, _ = subsequence_dtw(query, targets)  # (K, 80)
+            maps = smooth_time_maps(
+                paths, clip_frames=CLIP_FRAMES - 1, motion_beats=beat_frames, beat_ranges=beat_ranges,
+                music_beats=music_frames,
+            )  # fmt: skip
+        else:  # a frame of the clip is left for the end of the last frame
+            paths, _ = subsequence_dtw(query, targets[:, :-1])
+            maps = paths.astype(np.float64)
+        # The end of the last frame, with the slope of the frame before it inside the clip.
+        end = np.minimum(2 * maps[:, -1] - maps[:, -2], CLIP_FRAMES - 1)
+        maps = np.concatenate([maps, end[:, None]], axis=1)  # (K, 81)
+    return maps, _density_mismatch(query, targets, maps)
+
+
+def _density_mismatch(
+    query: NDArray[np.float32], targets: NDArray[np.float32], maps: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Mean squared difference of densities along the smoothed maps, per quarter, (K, 4)."""
+    low, high, weights = frame_weights(maps[:, :-1], targets.shape[1])
+    weight = weights.astype(np.float32)
+    rows = np.arange(len(targets))[:, None]
+    warped = targets[rows, low] * (1 - weight) + targets[rows, high] * weight  # (K, 80)
+    mismatch: NDArray[np.float32] = (
+        ((warped - query) ** 2).reshape(len(maps), SEGMENT_S, NODE_FRAMES).mean(axis=2)
+    )
+    return mismatch
 
 
 # Time maps that align the counts of a take with the beats of a song, count k + d with beat k.
