@@ -41,7 +41,7 @@ from choreograph.pipeline.keeping import AvoidRepeating, ExistingDance, fill, re
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
-from choreograph.render.rendering import off_stage, render
+from choreograph.render.rendering import off_stage, render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
@@ -346,7 +346,7 @@ def _danced(
         result = engine.plan(request)
         motion = result.motion
         if motion is None:
-            motion = render(result.plan, repertoire, report=substage(report, "rendering"))
+            motion = render_planned(result.plan, repertoire, memory, report=substage(report, "rendering"))
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)

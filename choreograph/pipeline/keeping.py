@@ -26,7 +26,7 @@ from choreograph.motion.motion import Credits, Motion
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import Plan, PlannedWord
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
-from choreograph.render.rendering import render
+from choreograph.render.rendering import render, render_planned
 
 _SAME_S = 0.5  # parts of a take that are nearer look the same
 
@@ -134,7 +134,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
         motion = result.motion
         if motion is None:
             rendering = substage(request.report, "rendering")
-            motion = render(result.plan, request.repertoire, report=rendering)
+            motion = render_planned(result.plan, request.repertoire, request.memory, report=rendering)
         existing = of_length(kept.motion, motion.n_frames)
         fast_m_s = correction_speed_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
@@ -145,7 +145,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
     _, result, motion = best
     plan = _with_kept(result.plan, kept)
     if result.plan.from_takes:  # the motion of the plan as it is written
-        filled = render(plan, request.repertoire, existing=kept.motion)
+        filled = render_planned(plan, request.repertoire, request.memory, existing=kept.motion)
     else:
         filled = fill_gaps(existing, motion, kept.frames)
     broken = _unmet(filled, result.plan, kept, request.constraints, request.repertoire)

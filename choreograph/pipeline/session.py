@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.engine import engines
+from choreograph.choreography.engine import BUILTIN_ENGINES, engines
 from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.costs import installed_costs
 from choreograph.core.arguments import as_list, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import Memory, default_numerics
+from choreograph.core.numerics import Memory, default_numerics, digest
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes
 from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.songs import names_a_tracker
 from choreograph.library.words import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
@@ -40,8 +44,8 @@ class Session:
 
     `dance` returns what `choreograph.dance` returns for the song and the repertoire of the session, to the
     byte. It is faster from the second dance on, because the session keeps what the dances have in common:
-    the decoded song and its analysis, and in the graph engine the warped takes and the layers of every
-    second. The search and the rendering are made again for every dance.
+    the decoded song and its analysis, parts of takes, and in the graph engine the warped takes and the
+    layers of every second. A dance with the arguments of an earlier one is that dance.
 
     A session keeps at most 512 MB of such values, beside the song and what the repertoire keeps of its file.
     Values that were not used for longest are removed first.
@@ -85,10 +89,37 @@ class Session:
         Nothing of an earlier dance is taken over: settings that are not given have their defaults. `start_s`
         is a time in the song of the session. Raises as `choreograph.dance`.
         """
-        return dance_with(self._memory, self.song, self.repertoire, **arguments)
+
+        def make() -> Dance:
+            return dance_with(self._memory, self.song, self.repertoire, **arguments)
+
+        content = _content_of(arguments)
+        if content is None:
+            return make()
+        return deepcopy(self._memory.value(make, "dance", content))  # which the caller may change
 
     def __repr__(self) -> str:
         return f"<Session: {self.song.name}, {self.song.duration_s:.1f} s, {self.repertoire.path.name}>"
+
+
+def _content_of(arguments: Mapping[str, Any]) -> bytes | None:
+    """A digest of the arguments of a dance, if nothing else determines it: no file, and no code of others."""
+    given = dict(arguments)
+    config = as_config(given.get("config", DEFAULTS))
+    existing = given.get("existing")
+    if isinstance(existing, Dance):
+        given["existing"] = existing.motion, existing.plan, existing.notes
+    files = {name: given.get(name, getattr(config, name)) for name in ("beats", "style_song")}
+    weights = given.get("weights", config.weights)
+    engine = given.get("engine", config.engine)
+    if isinstance(existing, str) or files["style_song"] is not None or not names_a_tracker(files["beats"]):
+        return None
+    if engine not in BUILTIN_ENGINES or installed_costs([*weights, *config.weights]):
+        return None
+    try:
+        return digest(given)
+    except TypeError:
+        return None
 
 
 # Several different dances for one song.

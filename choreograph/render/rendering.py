@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import replace
 from itertools import pairwise
 from typing import get_args
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from choreograph.core.arguments import as_stage_m, check_choice, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, default_numerics, frame_blocks
+from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numerics, frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
@@ -25,6 +27,7 @@ from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
 from choreograph.render.held_poses import hold_ends, hold_stops
 from choreograph.render.runs import (
     MotionReader,
+    RecentRuns,
     Run,
     RunSampler,
     SampledRun,
@@ -160,10 +163,30 @@ def render(
     if not isinstance(repertoire, Repertoire):
         raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
     check_function("report", report)
+    return render_planned(plan, repertoire, existing=existing, report=report)
+
+
+def render_planned(
+    plan: Plan,
+    repertoire: Repertoire,
+    memory: Memory = NO_MEMORY,
+    *,
+    existing: Motion | None = None,
+    report: StepReport | None = None,
+) -> Motion:
+    """As `render`, with a memory of this repertoire, for parts of takes and for motions of the same steps."""
     plan.check()
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
-    return render_from(take_motions(repertoire), plan, existing=existing, report=report)
+    sample = RecentRuns(memory).sample if memory.is_on else sample_run
+    steps = replace(
+        plan, weights={}, seed=0, least_cost=None, seconds=tuple(replace(s, costs={}) for s in plan.seconds)
+    )
+    motion = memory.value(
+        lambda: render_from(take_motions(repertoire), plan, existing=existing, sample=sample, report=report),
+        "rendered", steps, existing,
+    )  # fmt: skip
+    return deepcopy(motion) if memory.is_on else motion
 
 
 def render_from(

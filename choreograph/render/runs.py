@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.special import expit
 
 from choreograph.core.arguments import as_stage_m
-from choreograph.core.numerics import Floats, Indices, RecentItems
+from choreograph.core.numerics import NO_MEMORY, Floats, Indices, Memory
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
@@ -308,18 +308,20 @@ RunSampler = Callable[[Run, MotionReader, float, int], SampledRun]  # as `sample
 
 
 class RecentRuns:
-    """Keeps the runs that were sampled last, up to 64 MB, for dances that have most runs in common."""
+    """Keeps the runs that were sampled last, for dances that have most runs in common.
 
-    def __init__(self) -> None:
-        self._kept: RecentItems[SampledRun] = RecentItems(_KEPT_BYTES)
+    They are kept in a `memory` of their repertoire, or without one up to 64 MB.
+    """
+
+    def __init__(self, memory: Memory = NO_MEMORY) -> None:
+        self._memory = memory if memory.is_on else Memory(_KEPT_BYTES)
 
     def sample(self, run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
         """As `sample_run`, always with the same `read_motion`."""
-        key = run.take, run.start_s, run.stop_s, run.source_times_s.tobytes(), fps, margin
-        sampled = self._kept.get(key)
-        if sampled is None:
-            sampled = sample_run(run, read_motion, fps, margin)
-            self._kept.keep(key, sampled, sampled.root.nbytes + sampled.quat.nbytes)
+        sampled = self._memory.value(
+            lambda: sample_run(run, read_motion, fps, margin),
+            "run", run.take, run.start_s, run.stop_s, run.source_times_s, fps, margin,
+        )  # fmt: skip
         return replace(sampled, locked=run.locked, transition_s=run.transition_s)
 
 

@@ -23,6 +23,7 @@ from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
+from choreograph.core.numerics import Memory
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
 from choreograph.library.motifs import ALL_GENRES
@@ -31,7 +32,7 @@ from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.plan import Plan, PlannedSecond, PlannedWord
-from choreograph.render.rendering import render, runs_of_seconds, take_motions
+from choreograph.render.rendering import render_planned, runs_of_seconds, take_motions
 from choreograph.render.runs import Run, TransitionTiming
 from choreograph.render.transitions import time_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
@@ -115,7 +116,7 @@ class GraphEngine:
             plan = with_transitions_on_counts(plan, request)
         motion = None
         if constraints.constrains_motifs:
-            with_words = partial(_with_words, plan, repertoire)
+            with_words = partial(_with_words, plan, repertoire, request.memory)
             plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
         if config.warping == "counts":
             goal_notes = (*goal_notes, *request.material.metre_notes)
@@ -136,10 +137,12 @@ def _unaligned_note(request: DanceRequest) -> str:
     return f"no effect of {names}, because takes are aligned by counts: choose the warping dtw to use {them}"
 
 
-def _with_words(plan: Plan, repertoire: Repertoire, words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
+def _with_words(
+    plan: Plan, repertoire: Repertoire, memory: Memory, words: tuple[PlannedWord, ...]
+) -> tuple[Plan, Motion]:
     """The plan with words in place of its seconds, and its motion."""
     enforced = replace(plan, words=words)
-    return enforced, render(enforced, repertoire)
+    return enforced, render_planned(enforced, repertoire, memory)
 
 
 def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:

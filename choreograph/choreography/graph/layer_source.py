@@ -302,6 +302,7 @@ def make_layers(
         returns=returns.returning(n_seconds) if returns else None,
         steer_rad=MAX_STEER_RAD if config.front == "audience" else 0.0,
         walk_at=WALK_AT if as_stage_m(config.stage) else (),
+        may_dance=np.isfinite(allowed.of_take) if allowed and config.planner != "motion-graph" else None,
         memory=request.memory.of("layers"),
     )  # fmt: skip
 

@@ -220,6 +220,7 @@ class LayerSource:
     returns : `Layer.returns` of each second. None if no cost uses them
     steer_rad : the most by which a transition rotates a take back to the front
     walk_at : shares of the second for `Layer.walk_m`, if the stage has borders
+    may_dance : bool array (S, takes)      layers have the nodes of these takes alone, unless there are none
     memory : of layers with the same clips and poses
     """
 
@@ -238,9 +239,11 @@ class LayerSource:
         returns: Sequence[int | None] | None = None,
         steer_rad: float = 0.0,
         walk_at: Sequence[float] = (),
+        may_dance: NDArray[np.bool_] | None = None,
         memory: Memory = NO_MEMORY,
     ) -> None:
         self._segments = segments
+        self._may_dance = may_dance
         self._memory = memory
         self._motifs = np.zeros((*segments.clip.shape, SEGMENT_S, 0), np.int16) if motifs is None else motifs
         self._n_motifs = 0 if motifs is None else n_motifs
@@ -269,6 +272,7 @@ class LayerSource:
         layer = self._memory.value_from_last(
             lambda before: self._layer(second, inserted[::-1], before),
             (second, self._segments.inputs[part], joins_s), self._segments.clip[part],
+            None if self._may_dance is None else self._may_dance[second],
         )  # fmt: skip
         return self._in_dance(layer)
 
@@ -280,9 +284,12 @@ class LayerSource:
         kept = one_per_time_map([self._segments.time_map_id[start] for start in starts])
         start = np.repeat(np.asarray(starts), [len(nodes) for nodes in kept])
         rank = np.concatenate(kept)
+        clip = self._segments.clip[start, rank]
+        if self._may_dance is not None:
+            may = self._may_dance[second, self._clips.take[clip]]
+            start, rank, clip = (of[may] if may.any() else of for of in (start, rank, clip))
         if before is None:
             return self._nodes(start, second - start, rank)
-        clip = self._segments.clip[start, rank]
         place, known = _places_in(SEGMENT_S * before.clip + before.offset, SEGMENT_S * clip + second - start)
         layer, new = before.subset(place), ~known
         made = self._nodes(start[new], second - start[new], rank[new]) if new.any() else None

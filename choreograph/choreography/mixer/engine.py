@@ -161,7 +161,7 @@ def mix(request: DanceRequest) -> MixedDance:
         candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
     report = substage(request.report, "mixing")
-    render = partial(render_from, take_motions(request.repertoire), sample=RecentRuns().sample)
+    render = partial(render_from, take_motions(request.repertoire), sample=RecentRuns(request.memory).sample)
     best: MixedDance | None = None
     rounds = 0
     while True:
