@@ -31,7 +31,7 @@ from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
 from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
-from choreograph.settings import MAX_VARIATIONS, as_config
+from choreograph.settings import MAX_VARIATIONS, DanceConfig, as_config
 
 # A song and a repertoire in memory, from which dances are made.
 
@@ -105,20 +105,22 @@ class Session:
 def _content_of(arguments: Mapping[str, Any]) -> bytes | None:
     """A digest of the arguments of a dance, if nothing else determines it: no file, and no code of others."""
     given = dict(arguments)
-    config = as_config(given.get("config", DEFAULTS))
-    existing = given.get("existing")
+    config, existing = given.get("config", DEFAULTS), given.get("existing")
     if isinstance(existing, Dance):
-        given["existing"] = existing.motion, existing.plan, existing.notes
-    files = {name: given.get(name, getattr(config, name)) for name in ("beats", "style_song")}
-    weights = given.get("weights", config.weights)
-    engine = given.get("engine", config.engine)
-    if isinstance(existing, str) or files["style_song"] is not None or not names_a_tracker(files["beats"]):
+        given["existing"] = existing.motion, existing.plan
+    if not isinstance(config, DanceConfig) or isinstance(existing, str):
         return None
-    if engine not in BUILTIN_ENGINES or installed_costs([*weights, *config.weights]):
-        return None
+    used = {
+        name: given.get(name, getattr(config, name)) for name in ("beats", "style_song", "engine", "weights")
+    }
     try:
-        return digest(given)
-    except TypeError:
+        of_others = (
+            installed_costs([*used["weights"], *config.weights]) or used["engine"] not in BUILTIN_ENGINES
+        )
+        if of_others or used["style_song"] is not None or not names_a_tracker(used["beats"]):
+            return None
+        return digest(sorted(given.items()))
+    except TypeError:  # something without a content, such as a cost, or of a wrong type
         return None
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
+from choreograph.choreography.graph import segments as module
 from choreograph.choreography.graph.segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import NO_TIME_MAP, CountedClips, subsequence_dtw
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.core.numerics import Memory
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.song_features import bumps, music_density
@@ -33,13 +37,13 @@ def speed(clips):
 MUSIC_BEATS_S = np.arange(0.25, 8.0, 0.5)
 
 
-def warped(**options):
+def warped(clip=(0, 1, 2), **options):
     beats = clip_beats()
     stops = np.cumsum([len(b) for b in beats])
     ranges = np.stack([stops - [len(b) for b in beats], stops], axis=1)
-    clip = np.tile([0, 1, 2], (N_SECONDS, 1))
+    clips = np.tile(clip, (N_SECONDS, 1))
     return warp_segments(
-        clip, music_density(N_SECONDS, MUSIC_BEATS_S), MUSIC_BEATS_S, density, speed,
+        clips, music_density(N_SECONDS, MUSIC_BEATS_S), MUSIC_BEATS_S, density, speed,
         ClipBeats(np.concatenate(beats), ranges), **options,
     )  # fmt: skip
 
@@ -139,3 +143,17 @@ def test_bars_and_phrases_of_takes_without_counts_are_those_of_chance(mixed):
 
 def test_without_counted_takes_there_is_no_track(segments):
     assert (segments.time_map_id == NO_TIME_MAP).all() and (segments.off_bar == 0.75).all()
+
+
+def test_only_other_candidates_are_warped_again(monkeypatch):
+    made, memory, warp = [], Memory(1 << 20), module._warped_second
+    monkeypatch.setattr(module, "_warped_second", lambda second, *rest, **options: (
+        made.append((second, *rest[0])), warp(second, *rest, **options))[1])  # fmt: skip
+    for clips, warped_again in (([1, 0], [1, 0]), ([2, 1], [2]), ([2, 1], []), ([1, 2], [])):
+        made.clear()
+        found = warped(clips, memory=memory)
+        assert sorted(made) == [(second, *warped_again) for second in range(N_SECONDS) if warped_again]
+        alone = warped(clips)
+        for name in (field.name for field in fields(alone) if field.name != "inputs"):
+            assert getattr(found, name).tobytes() == getattr(alone, name).tobytes(), name
+        assert not alone.inputs.any() and found.inputs.any()

@@ -88,3 +88,29 @@ def test_no_memory_keeps_nothing():
     assert computed[0] is not computed[1]
     assert not NO_MEMORY.is_on and NO_MEMORY.n_bytes == 0
     assert Memory(1).is_on
+
+
+def test_a_value_is_made_from_the_last_one_of_the_same_common_inputs():
+    memory, got = Memory(2000), []
+
+    def value(common, name):
+        def compute(last):
+            got.append((name, last))
+            return name
+
+        return memory.value_from_last(compute, (common,), name)
+
+    assert [value(*pair) for pair in (("x", "a"), ("x", "b"), ("y", "c"), ("x", "a"), ("x", "d"))] == [
+        *"abcad"
+    ]
+    assert got == [("a", None), ("b", "a"), ("c", None), ("d", "a")]  # a was used last
+    memory.value(lambda: np.zeros(225), "large")  # in place of all others
+    value("x", "e")
+    assert got[-1] == ("e", None)
+
+
+def test_without_a_memory_there_is_no_last_value_and_no_key():
+    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "a") == [None]
+    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "b") == [None]
+    assert NO_MEMORY.key("x") == b""
+    assert Memory(1).key("x") != Memory(1).of("y").key("x")

@@ -20,9 +20,17 @@ def test_an_item_that_is_too_large_is_not_kept_and_removes_none():
     kept.keep("a", "small", 60)
     kept.keep("b", "large", 101)
     assert (kept.get("a"), kept.get("b")) == ("small", None)
-    kept.keep("a", "again", 60)  # it is kept already
     kept.keep("c", "fits", 40)
     assert (kept.get("a"), kept.get("c")) == ("small", "fits")
+
+
+def test_an_item_replaces_that_of_its_key():
+    kept: RecentItems[str] = RecentItems(100)
+    kept.keep("a", "first", 60)
+    kept.keep("a", "second", 70)
+    assert (kept.get("a"), kept.n_bytes) == ("second", 70)
+    kept.keep("a", "large", 101)
+    assert (kept.get("a"), kept.n_bytes) == (None, 0)
 
 
 def test_a_copy_is_empty():

@@ -127,6 +127,71 @@ def test_the_layers_of_another_weight_are_not_made_again(monkeypatch):
     assert made == []
 
 
+class Recorder(cg.Cost):
+    """Records what all layers hold."""
+
+    def __init__(self) -> None:
+        self.layers = []
+
+    def node(self, layer, song_features):
+        if layer.n_nodes > 1:  # not the nodes of the path
+            self.layers.append(layer)
+
+
+def test_layers_that_are_taken_over_in_part_are_those_of_a_fresh_dance():
+    song = cg.example_songs()["house"]
+    session = cg.Session(song, STARTER, duration_s=DURATION_S)
+    session.dance()
+    changes = ({"seed": 1}, {"seed": 2, "bans": [cg.Ban(take=TAKES[0])]}, {"seed": 2, "genre": "waltz"})
+    for arguments in changes:
+        ours, fresh = Recorder(), Recorder()
+        session.dance(costs=[ours], **arguments)
+        cg.dance(song, STARTER, duration_s=DURATION_S, costs=[fresh], **arguments)
+        assert len(ours.layers) == len(fresh.layers) == DURATION_S
+        for one, other in zip(ours.layers, fresh.layers, strict=True):
+            for name, values in vars(other).items():
+                if isinstance(values, np.ndarray):
+                    assert values.tobytes() == getattr(one, name).tobytes(), name
+    assert {genre for layer in ours.layers for genre in layer.genre} == {"waltz"}  # no other may be danced
+
+
+def test_a_dance_with_the_same_arguments_is_made_once_and_may_be_changed(monkeypatch):
+    from choreograph.pipeline import session as module
+
+    session = cg.Session(cg.example_songs()["house"], STARTER, duration_s=4.0)
+    first = session.dance(seed=3, weights={"front": 2.0})
+    expected = content(first)
+    first.motion.root_pos_m[:] = 0.0
+    with monkeypatch.context() as patch:
+        patch.delattr(module, "dance_with")
+        again = session.dance(weights={"front": 2.0}, seed=3)
+        assert content(again) == expected
+        again.motion.local_quat[:] = 0.0
+        assert content(session.dance(weights={"front": 2.0}, seed=3)) == expected
+        with pytest.raises(NameError):
+            session.dance(seed=4, weights={"front": 2.0})
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"costs": [Recorder()]},
+        {"existing": "dance.json"},
+        {"beats": "beats.txt"},
+        {"style_song": "song.wav"},
+        {"report": print},
+        {"config": cg.DanceConfig(style_song="song.wav", engine="rollout")},
+        {"weights": 5},
+        {"engine": "of_another_package"},
+    ],
+)
+def test_files_and_code_of_others_are_read_and_run_for_every_dance(arguments):
+    from choreograph.pipeline.session import _content_of
+
+    assert _content_of(arguments) is None
+    assert _content_of({"seed": 1}) is not None
+
+
 def test_a_file_of_beats_that_has_changed_is_read_again(tmp_path):
     path = tmp_path / "beats.txt"
     session = cg.Session(cg.example_songs()["house"], STARTER, duration_s=DURATION_S)
