@@ -77,6 +77,7 @@ def random_source(
         time_map_id=_time_map_ids(rng, n_seconds, k) if tracked else np.full((n_seconds, k), NO_TIME_MAP),
         off_bar=rng.random((n_seconds, k, 4), np.float32),
         phrase_penalty=rng.random((n_seconds, k, 5), np.float32),
+        inputs=np.zeros((n_seconds, 16), np.uint8),
     )
     clips = ClipTable(
         take=np.arange(n_clips) % 2,

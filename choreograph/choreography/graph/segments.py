@@ -300,7 +300,8 @@ class LayerSource:
 
     def _numbers(self, start: AnyInts, rank: AnyInts) -> AnyInts:
         """`Layer.segment` of segments `rank` (N,) that are inserted at `start` (N,)."""
-        return start * self._segments.clip.shape[1] + rank
+        numbers: AnyInts = start * self._segments.clip.shape[1] + rank
+        return numbers
 
     def _in_dance(self, layer: Layer) -> Layer:
         """The layer with what depends on the dance and its seed, not on the segments alone."""
