@@ -4,13 +4,15 @@
 
 A library is made of copies of the built-in takes. Each copy has another size, and its style vectors are moved
 at random. Rows are written straight to the file, so 10^5 clips take a minute and 3 GB. Every measurement is
-made in a new process: opening, the first dance, a second one with another seed, and the most memory.
+made in a new process: opening, the first dance, a second one with another seed, and the most memory, and in
+another one the addition of a take of 20 s with its song, which includes the imports.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +22,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+import choreograph as cg
+from choreograph.formats.register import save_motion
 from choreograph.library.builtin import STARTER_PATH
 from choreograph.library.schema import Contents, layout_of
 from choreograph.library.store import RepertoireFile
@@ -138,11 +142,41 @@ print(json.dumps({"clips": repertoire.n_clips, **found, "peak_gb": peak, "cost":
 """
 
 
+_MEASURED_ADDING = """
+import json, sys, time
+clock = lambda: (time.perf_counter(), time.process_time())
+start = clock()
+import choreograph as cg
+added = cg.change_takes(sys.argv[1], add=sys.argv[2], output=sys.argv[3], workers=1)
+took = [round(b - a, 3) for a, b in zip(start, clock())]
+peak = int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1]) / 1e6
+print(json.dumps({"clips": added.repertoire.n_clips, "add": took, "peak_gb": peak}))
+"""
+
+
 def measured(path: Path, seconds: float) -> dict[str, Any]:
     """Seconds by the clock and of CPU of opening and of two dances, and the peak of memory in GB."""
-    run = subprocess.run(
-        [sys.executable, "-c", _MEASURED, str(path), str(seconds)], capture_output=True, text=True, check=True
-    )
+    return _printed_by(_MEASURED, str(path), str(seconds))
+
+
+def measured_adding(path: Path) -> dict[str, Any]:
+    """The same of the addition of a take, to a file beside, which is removed."""
+    source = path.with_suffix(".new")
+    source.mkdir(exist_ok=True)
+    starter = cg.starter_repertoire()
+    save_motion(source / "added.bvh", starter.motion(0, stop_s=20.0)[0])
+    shutil.copy(cg.example_songs()["cha-cha"], source / "added.ogg")
+    output = path.with_suffix(".grown.h5")
+    try:
+        return _printed_by(_MEASURED_ADDING, str(path), str(source), str(output))
+    finally:
+        output.unlink(missing_ok=True)
+        shutil.rmtree(source)
+
+
+def _printed_by(code: str, *words: str) -> dict[str, Any]:
+    """The JSON object that a new process prints last."""
+    run = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
     return dict(json.loads(run.stdout.splitlines()[-1]))
 
 
@@ -160,6 +194,7 @@ def main() -> None:
         if not path.exists():
             make_library(path, n_clips)
         print(json.dumps(measured(path, options.seconds)), flush=True)
+        print(json.dumps(measured_adding(path)), flush=True)
 
 
 if __name__ == "__main__":
