@@ -150,11 +150,14 @@ class Note:
         return f"{self.subject}: {self.text}" if self.subject else self.text
 
 
-def summary(notes: Iterable[Note], n_takes: int, name: str) -> tuple[str, ...]:
+def summary(
+    notes: Iterable[Note], n_takes: int, name: str, *, n_stored: int | None = None
+) -> tuple[str, ...]:
     """At most `MAX_LINES` lines: one for each kind of notes, with counts and ranges of their values.
 
-    `n_takes` are those of the repertoire, and `name` is that of its file. Notes that quote another part of
-    the program share a line if only numbers and names differ.
+    `n_takes` are those of the repertoire, and `name` is that of its file, which stores `n_stored` notes, by
+    default those that are given. Notes that quote another part of the program share a line if only numbers
+    and names differ.
     """
     notes = tuple(notes)
     groups: dict[tuple[str, str], list[Note]] = {}
@@ -166,7 +169,8 @@ def summary(notes: Iterable[Note], n_takes: int, name: str) -> tuple[str, ...]:
     shown = sorted(largest[: MAX_LINES - 1], key=lambda group: (kinds.index(group[0].kind), -len(group)))
     lines = [_line(group, n_takes) for group in shown]
     if len(lines) < len(notes):
-        n_stored = sum(KINDS[note.kind].is_stored for note in notes)
+        if n_stored is None:
+            n_stored = sum(KINDS[note.kind].is_stored for note in notes)
         lines.append(f"`choreograph inspect {name} --notes` prints all {counted(n_stored, 'note')}")
     return tuple(lines)
 

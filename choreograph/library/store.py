@@ -251,6 +251,11 @@ class RepertoireFile:
         return {name: self.read(name) for name in self.names if name != "provenance"}
 
     def _numbers(self, data: h5py.Dataset, name: str, part: slice) -> NDArray[Any]:
+        if data.shape != self.shapes[name]:
+            raise RepertoireError(
+                f"{self.path}: expected the repertoire that was opened, got another one in its place: takes "
+                "were added or removed since, open it again"
+            )
         array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
         checks.check_values(name, array, self._sizes)
         return array
@@ -262,7 +267,7 @@ class RepertoireFile:
     def rows(self, name: str, rows: AnyInts) -> NDArray[Any]:
         """Rows (...) of an array of numbers by index. Blocks that were read lately are kept.
 
-        Raises as `read` does. A file that was replaced is read again.
+        Raises as `read` does. A file that was replaced is read again, if it has as many rows.
         """
         with file_named(self.path, "a repertoire"):
             status = self.path.stat()

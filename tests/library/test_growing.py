@@ -1,16 +1,18 @@
 """Takes added to a repertoire, replaced and removed: the file is that of a build of all takes at once."""
 
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts
+from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes, with_counts
 
 import choreograph as cg
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
 from choreograph.core.files import folder_beside, locked_folder
 from choreograph.formats.register import save_motion
 from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.writing import write_repertoire
 
 A, B = ("one", "two"), ("three", "four")
 
@@ -195,6 +197,25 @@ def test_no_other_process_changes_the_file_at_once(small):
     path, _ = small
     with locked_folder(folder_beside(path, ".build"), doing="builds rep.h5"), pytest.raises(ChoreographError):
         cg.change_takes(path, remove=["take0"])
+
+
+def test_a_repertoire_that_was_opened_before_a_change_has_to_be_opened_again(small):
+    path, _ = small
+    before = cg.Repertoire.open(path)
+    assert len(before.takes) == 3 and before.body_pos_m(0).any()
+    cg.change_takes(path, remove=["take0"])
+    for read in (before.body_pos_m, before.motion):
+        with pytest.raises(RepertoireError, match="open it again"):
+            read(0)
+    assert cg.Repertoire.open(path).takes[0].name == "take1"
+
+
+def test_options_of_the_build_that_are_not_valid_are_damage(tmp_path):
+    contents = synthetic_contents(synthetic_takes(duration_s=10.0))
+    provenance = {**contents.provenance, "beats": "none of these"}
+    write_repertoire(tmp_path / "rep.h5", replace(contents, provenance=provenance))
+    with pytest.raises(RepertoireError, match=r"rep\.h5: provenance: .*none of these"):
+        cg.change_takes(tmp_path / "rep.h5", remove=["take0"])
 
 
 def test_a_damaged_repertoire_is_not_replaced(small, tmp_path):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION
-from choreograph.core.errors import ParameterError
+from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
@@ -96,7 +96,8 @@ def change_takes(
         new = _new_takes(kept, changes, report)
         notes = _write_changed(kept, new, changes, target)
     repertoire = Repertoire.open(target)
-    return BuildResult(repertoire, summary(notes, len(repertoire.takes), target.name))
+    lines = summary(notes, len(repertoire.takes), target.name, n_stored=len(repertoire.notes))
+    return BuildResult(repertoire, lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,11 @@ class _Kept:
             if name in stated
         }
         is_compressed = "poses" not in file.parts
-        return cls(file, Repertoire(file), replace(given, compress=is_compressed, **built_with))
+        try:
+            options = replace(given, compress=is_compressed, **built_with)
+        except ParameterError as error:
+            raise RepertoireError(f"{file.path}: provenance: {error}: a damaged file") from error
+        return cls(file, Repertoire(file), options)
 
     @property
     def names(self) -> list[str]:
