@@ -56,14 +56,14 @@ Maker = Callable[[Job, "ProgressReport"], "list[Dance]"]
 @dance_options
 def command(
     songs: tuple[Path, ...],
-    db: Path | None,
+    db: tuple[Path, ...],
     plan_path: Path | None,
     variations: int | None,
     strict: bool,
     **options: Any,
 ) -> None:
     """Make a dance for SONG (any audio file), or for each of several."""
-    import choreograph as cg
+    from choreograph.library.builtin import as_repertoire
     from choreograph.pipeline.saving import options_used
 
     files, asked = options_of(FileOptions, options), options_of(DanceOptions, options)
@@ -79,7 +79,7 @@ def command(
     bvh = bvh_of(files.naming, files.units, files.rest, files.in_place)
     figure = _character(files, first)
     to_save = {"character": figure, "bvh": bvh, "loop": files.loop, "click": files.with_clicks}
-    repertoire = cg.starter_repertoire() if db is None else cg.Repertoire.open(db)
+    repertoire = as_repertoire(db)
     if plan_path is not None:
         make = _renderer(plan_path, songs, repertoire, asked.existing)
     else:

@@ -35,7 +35,10 @@ class _Planned(GroupedOption):
 
 
 _SOURCES = (
-    optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one."),
+    optgroup.option(
+        "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+        help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
+    ),
     optgroup.option(
         "--start", cls=_Planned, type=Seconds(), help="Where in the song to begin: 75.5 or 1:15.5 (0)."
     ),

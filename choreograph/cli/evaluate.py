@@ -54,7 +54,10 @@ _FOR_SONGS = {
 @click.argument("dance", required=False, type=_FILE)
 @click.argument("song", required=False, type=_FILE)
 @optgroup.group("Dances")
-@optgroup.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one.")
+@optgroup.option(
+    "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+    help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
+)  # fmt: skip
 @optgroup.option(
     "--songs", "folder", type=_FILE, metavar="DIR",
     help="Songs to dance to. Real dances in DIR, in any layout of build-db, are measured as well.",
@@ -91,7 +94,7 @@ _FOR_SONGS = {
 def command(
     dance: Path | None,
     song: Path | None,
-    db: Path | None,
+    db: tuple[Path, ...],
     folder: Path | None,
     experts: Path | None,
     only: tuple[str, ...],
@@ -157,13 +160,17 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
     return [check_target(path) for path in given if path is not None]
 
 
-def _of_dance(dance: Path, song: Path, db: Path | None, duration: float | None, beats: str) -> Evaluation:
+def _of_dance(
+    dance: Path, song: Path, db: tuple[Path, ...], duration: float | None, beats: str
+) -> Evaluation:
     from choreograph.evaluation.dance_scores import evaluate
     from choreograph.formats.register import load_motion
+    from choreograph.library.builtin import as_repertoire
     from choreograph.music.song import load_song
 
     loaded = load_song(song, duration_s=duration)
-    return evaluate(load_motion(dance), loaded, name=str(dance), beats=beats, repertoire=db)
+    repertoire = as_repertoire(db) if db else None
+    return evaluate(load_motion(dance), loaded, name=str(dance), beats=beats, repertoire=repertoire)
 
 
 @contextmanager
@@ -201,7 +208,7 @@ def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -
 
 def _of_songs(
     songs: Sequence[EvaluatedSong],
-    db: Path | None,
+    db: tuple[Path, ...],
     config: EvaluationConfig,
     judge: Path | None,
     experts: Path | None,
@@ -210,10 +217,10 @@ def _of_songs(
 ) -> Evaluation:
     from choreograph.evaluation.run import evaluate_variants
     from choreograph.evaluation.songs import read_experts
-    from choreograph.library.builtin import starter_repertoire
+    from choreograph.library.builtin import as_repertoire
     from choreograph.library.repertoire import Repertoire
 
-    repertoire = starter_repertoire() if db is None else Repertoire.open(db)
+    repertoire = as_repertoire(db)
     judging = None if judge is None else Repertoire.open(judge)
     references = () if experts is None else read_experts(experts, songs)
     return evaluate_variants(

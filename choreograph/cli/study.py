@@ -42,7 +42,10 @@ def command() -> None:
 @command.command("write", cls=Command, short_help="Write a page for raters.")
 @click.option("--songs", "folder", required=True, type=_FILE, metavar="DIR", help="Songs to dance to.")
 @click.option("-o", "--output", required=True, type=_FILE, metavar="DIR", help="New folder of the study.")
-@click.option("--db", type=_FILE, help="Repertoire to dance with. Default: the built-in one.")
+@click.option(
+    "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+    help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
+)  # fmt: skip
 @click.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
 @click.option(
     "--variants", multiple=True, metavar="NAME",
@@ -68,7 +71,7 @@ def command() -> None:
 def write(
     folder: Path,
     output: Path,
-    db: Path | None,
+    db: tuple[Path, ...],
     only: tuple[str, ...],
     variants: tuple[str, ...],
     seen: bool,
@@ -89,13 +92,12 @@ def write(
         write_study,
     )
     from choreograph.evaluation.variants import variants_named
-    from choreograph.library.builtin import starter_repertoire
-    from choreograph.library.repertoire import Repertoire
+    from choreograph.library.builtin import as_repertoire
 
     check_study_folder(output)
     check_outputs_apart([output / PAGE_NAME, output / KEY_NAME], named_by=("output",))
     chosen = variants_named(variants or ("baselines",))
-    repertoire = starter_repertoire() if db is None else Repertoire.open(db)
+    repertoire = as_repertoire(db)
     with stages(quiet=quiet) as shown:
         songs = find_songs(folder, only=names_of(only), duration_s=duration)
         dances = make_study_dances(repertoire, songs, chosen, seen=seen, report=shown.report)

@@ -195,7 +195,7 @@ class KeptDances:
             "choreograph": version("choreograph"),
             "song": self._checksum(song.path),
             "part_s": [song.start_s, song.duration_s],
-            "repertoire": self._checksum(repertoire.path),
+            "repertoire": [self._checksum(path) for path in repertoire.paths],
             "variant": asdict(variant),
             "seed": seed,
         }

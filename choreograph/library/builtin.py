@@ -36,12 +36,15 @@ def starter_repertoire() -> Repertoire:
 
 
 def as_repertoire(repertoire: object) -> Repertoire:
-    """An opened repertoire, for None the built-in one. Raises `ParameterError` unless given one or a path."""
-    if repertoire is None:
+    """An opened repertoire, for None or no paths the built-in one.
+
+    Raises `ParameterError` unless given one, a path, or a list of paths.
+    """
+    if repertoire is None or repertoire == ():
         return starter_repertoire()
     if isinstance(repertoire, Repertoire):
         return repertoire
-    if not isinstance(repertoire, str | Path):
+    if not isinstance(repertoire, str | Path | list | tuple):
         raise unexpected("a repertoire or its path", repertoire)
     return Repertoire.open(repertoire)
 

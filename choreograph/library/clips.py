@@ -18,7 +18,7 @@ from choreograph.library.checks import check_parts
 from choreograph.library.derived import root_frame_rows
 from choreograph.library.rows import KeptBlocks
 from choreograph.library.schema import DELTA_RESTART
-from choreograph.library.store import RepertoireFile
+from choreograph.library.shards import AnyFile
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, ground_pos_m
 from choreograph.motion.motion import Credits
@@ -51,7 +51,7 @@ class TakeInfo:
         return (self.motion[1] - self.motion[0]) / self.fps
 
 
-def takes_from(file: RepertoireFile) -> tuple[TakeInfo, ...]:
+def takes_from(file: AnyFile) -> tuple[TakeInfo, ...]:
     """All takes in the order of the file. Raises `RepertoireError` if there is none or their rows overlap."""
     columns = {name: file.read(f"takes/{name}") for name in (*_TEXT, "fps", *_RANGES)}
     for part, (array, shortest) in _PARTS.items():
@@ -98,7 +98,7 @@ class ClipMotion:
 
     def __init__(
         self,
-        file: RepertoireFile,
+        file: AnyFile,
         takes: Sequence[TakeInfo],
         counts: Callable[[int], Counts],
         clip_take: AnyInts,

@@ -60,7 +60,7 @@ def with_derived(arrays: Mapping[str, Rows], *, compress: bool) -> dict[str, Row
             for part in frame_blocks(len(body_pos_m))
         ]
         made["body/root_frame"] = np.concatenate(parts)
-    return made | {"takes/tempo_bpm": take_tempi_bpm(made)} | _genre_arrays(made)
+    return made | {"takes/tempo_bpm": take_tempi_bpm(made)} | genre_arrays(made)
 
 
 def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, Rows]) -> Arrays:
@@ -125,7 +125,7 @@ def take_tempi_bpm(arrays: Mapping[str, Rows]) -> NDArray[np.float64]:
 # Ranks among all takes of a genre.
 
 
-def _genre_arrays(arrays: Mapping[str, Rows]) -> Arrays:
+def genre_arrays(arrays: Mapping[str, Rows]) -> Arrays:
     """The sizes of the seconds of each genre, and the ranks of clips in their genre."""
     genre = np.asarray(arrays["takes/genre"])
     starts, stops = np.asarray(arrays["takes/body_start"]), np.asarray(arrays["takes/body_stop"])

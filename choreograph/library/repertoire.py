@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
+from choreograph.core.arguments import (
+    as_index,
+    as_list,
+    as_number,
+    check_function,
+    check_kind,
+    check_text,
+)
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
@@ -24,6 +31,7 @@ from choreograph.library.clips import ClipMotion, TakeInfo, figures_from, takes_
 from choreograph.library.motifs import SpanMotifLookup, Vocabulary, vocabulary_from
 from choreograph.library.notes import Note, notes_from
 from choreograph.library.schema import NetArrays, rollout_names
+from choreograph.library.shards import AnyFile, RepertoireShards, open_files
 from choreograph.library.store import RepertoireFile
 from choreograph.library.take_counts import TakeCounts, TakeTempi
 from choreograph.motion import rotations as rot
@@ -56,18 +64,22 @@ class Repertoire:
     ((62, 3), 2.0)
     """
 
-    def __init__(self, file: RepertoireFile) -> None:
-        check_kind("the file of a repertoire", file, RepertoireFile, "`Repertoire.open` opens a path")
+    def __init__(self, file: AnyFile) -> None:
+        if not isinstance(file, RepertoireShards):
+            check_kind("the file of a repertoire", file, RepertoireFile, "`Repertoire.open` opens a path")
         self._file = file
 
     @classmethod
-    def open(cls, path: str | Path) -> Repertoire:
-        """Open a repertoire file.
+    def open(cls, path: str | Path | Sequence[str | Path]) -> Repertoire:
+        """Open a repertoire file, or several as one: those of a folder, or of a list of files and folders.
 
-        Raises `RepertoireError` if it is missing, damaged or of another version, `ParameterError` if `path`
-        is not a path.
+        Raises `RepertoireError` if one is missing, damaged, of another version, or does not fit the others,
+        `ParameterError` if `path` is not a path.
         """
-        return cls(RepertoireFile(as_path("a repertoire file", path)))
+        if isinstance(path, str | Path):
+            path = [path]
+        given = [as_path("a repertoire file", p) for p in as_list("repertoires", path, "path", str | Path)]
+        return cls(open_files(given))
 
     def verify(self, report: Callable[[int, int], None] | None = None) -> None:
         """Read the whole file and compare every block with its checksum.
@@ -110,8 +122,13 @@ class Repertoire:
 
     @property
     def path(self) -> Path:
-        """The file of this repertoire."""
+        """The file of this repertoire, or what several files are called together, such as their folder."""
         return self._file.path
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files of this repertoire."""
+        return self._file.paths
 
     @property
     def density(self) -> str:

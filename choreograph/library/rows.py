@@ -22,20 +22,27 @@ class KeptBlocks:
     If there is no room for blocks that are needed, those that are not needed now are removed.
     """
 
-    def __init__(self, shape: tuple[int, ...], dtype: str, block_rows: int, state: object) -> None:
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        dtype: str,
+        block_rows: int,
+        state: object,
+        most_bytes: int = MOST_BYTES,
+    ) -> None:
         self.state = state  # of the file that the blocks were read from
-        self._of = shape, dtype, block_rows
+        self._of = shape, dtype, block_rows, state, most_bytes
         self._block_rows = block_rows
         n_blocks = -(-shape[0] // block_rows)
         block_bytes = block_rows * np.dtype(dtype).itemsize * int(np.prod(shape[1:], dtype=np.int64))
-        n_slots = min(max(1, MOST_BYTES // max(1, block_bytes)), max(1, n_blocks))
+        n_slots = min(max(1, most_bytes // max(1, block_bytes)), max(1, n_blocks))
         self._blocks = np.empty((n_slots, block_rows, *shape[1:]), dtype)  # no memory until it is filled
         self._slots = np.full(n_blocks, -1, np.int64)  # of each block, or -1
         self._owners = np.full(n_slots, -1, np.int64)  # the block in each slot, or -1
         self._lock = Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (*self._of, self.state)
+        return type(self), self._of
 
     def rows(self, rows: AnyInts, read: ReadBlocks) -> NDArray[Any]:
         """Copies of rows (...). Blocks that are not kept are read by `read`, which gets their numbers."""

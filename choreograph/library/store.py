@@ -19,7 +19,7 @@ from choreograph.core.files import check_regular
 from choreograph.core.numerics import AnyInts
 from choreograph.library import checks
 from choreograph.library.checks import StoredArray
-from choreograph.library.rows import KeptBlocks
+from choreograph.library.rows import MOST_BYTES, KeptBlocks
 from choreograph.library.schema import (
     DELTA_RESTART,
     FORMAT,
@@ -179,11 +179,13 @@ class RepertoireFile:
     Raises `RepertoireError` if the file is missing, not HDF5, truncated, not a repertoire or of
     another version, or an array is not stored as `checks` expects.
     Opening reads headers only, and takes as long for a million clips as for a thousand. The content of arrays
-    is verified when it is read, block by block. `verify` reads everything.
+    is verified when it is read, block by block. `verify` reads everything. Of the rows of each array, at most
+    `most_bytes` are kept.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = Path(path)
+    def __init__(self, path: Path, *, most_bytes: int = MOST_BYTES) -> None:
+        self.path, self._most_bytes = Path(path), most_bytes
+        self.paths = (self.path,)
         if self.path.is_dir():
             raise RepertoireError(f"{path}: expected a repertoire file, got a folder")
         if not self.path.exists():
@@ -201,7 +203,7 @@ class RepertoireFile:
             self.net_names = self._find_nets(file)
             self.names = tuple(layout)
             self.shapes = {a.name: a.shape for a in stored if self._kinds[a.name] != "s"}  # of numbers
-            self._sizes = axis_sizes(self.shapes)
+            self.sizes = axis_sizes(self.shapes)
             self.quantised = frozenset(array.name for array in stored if array.is_quantised)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
             self._kept: dict[str, KeptBlocks] = {}
@@ -257,7 +259,7 @@ class RepertoireFile:
                 "were added or removed since, open it again"
             )
         array = _read_quantised(name, data, part) if "step" in data.attrs else data[part]
-        checks.check_values(name, array, self._sizes)
+        checks.check_values(name, array, self.sizes)
         return array
 
     def read_rows(self, name: str, start: int, stop: int) -> NDArray[Any]:
@@ -275,7 +277,7 @@ class RepertoireFile:
         state = status.st_mtime_ns, status.st_size, status.st_ino
         if kept is None or kept.state != state:
             kept = self._kept[name] = KeptBlocks(
-                self.shapes[name], self._kinds[name], self._block_rows[name], state
+                self.shapes[name], self._kinds[name], self._block_rows[name], state, self._most_bytes
             )
         return kept.rows(rows, partial(self._blocks, name))
 

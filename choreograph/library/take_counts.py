@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Counts
 from choreograph.library.checks import check_counts, check_parts
-from choreograph.library.store import RepertoireFile
+from choreograph.library.shards import AnyFile
 from choreograph.music.metrical_level import tempo_bpm
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class TakeCounts:
     Raises `RepertoireError`, without the name of the file, if counts are not in order.
     """
 
-    def __init__(self, file: RepertoireFile, names: Sequence[str], refused: Collection[str]) -> None:
+    def __init__(self, file: AnyFile, names: Sequence[str], refused: Collection[str]) -> None:
         self._file, self._names, self._refused = file, names, refused
         self._start, self._stop = file.read("takes/count_start"), file.read("takes/count_stop")
         check_parts("count", self._start, self._stop, file.shapes["counts/time_s"][0], shortest=0)

@@ -1,0 +1,180 @@
+"""Several files that are read as one have the arrays, and give the dances, of one file of all takes."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_repertoire import (
+    synthetic_contents,
+    synthetic_takes,
+    with_counts,
+    with_vocabulary,
+    write_clicks,
+)
+
+import choreograph as cg
+from choreograph.core.errors import RepertoireError
+from choreograph.library.motifs import Motifs, make_vocabulary, motif_arrays
+from choreograph.library.schema import Contents, layout_of
+from choreograph.library.shards import RepertoireShards, open_files
+from choreograph.library.store import RepertoireFile
+from choreograph.library.writing import write_repertoire
+
+PERIODS_S = (0.5, 0.6, 0.75, 0.5)
+GENRES = ("a", "b", "a", "c")
+RANGES = {"M": "motion", "B": "body", "Q": "beat", "U": "count"}
+TAKE_OF = {"N": "clips/take", "C": "sources/take", "F": "figures/take", "W": "motifs/word_take"}
+
+
+def part_of(contents: Contents, first: int, stop: int) -> Contents:
+    """The contents with the takes `first` to `stop` alone, and all motifs."""
+    arrays = contents.arrays
+    rows = {"X": slice(first, stop)}
+    for axis, part in RANGES.items():
+        rows[axis] = slice(arrays[f"takes/{part}_start"][first], arrays[f"takes/{part}_stop"][stop - 1])
+    for axis, name in TAKE_OF.items():
+        rows[axis] = slice(*np.searchsorted(arrays[name], [first, stop]))
+    part = {}
+    for name, (_, axes) in layout_of(arrays).items():
+        if name in arrays:
+            part[name] = arrays[name][rows.get(axes.split()[0], slice(None))]
+    for axis, name in RANGES.items():
+        for end in ("start", "stop"):
+            part[f"takes/{name}_{end}"] = part[f"takes/{name}_{end}"] - rows[axis].start
+    for name in TAKE_OF.values():
+        part[name] = part[name] - first
+    provenance = {**contents.provenance, "motifs": "0" * 32}  # the set that the motifs are of
+    return replace(contents, arrays=part | with_own_motifs(part), provenance=provenance)
+
+
+def with_own_motifs(arrays):
+    """The vocabulary of the words of some takes: the motifs that they have."""
+    counts = np.bincount(arrays["motifs/word_motif"], minlength=len(arrays["motifs/counts"]))
+    danced = np.flatnonzero(counts)
+    motif = np.searchsorted(danced, arrays["motifs/word_motif"])
+    medoids = [np.flatnonzero(motif == number)[0] for number in range(len(danced))]
+    motifs = Motifs(arrays["motifs/embeddings"][danced], np.array(medoids), counts[danced])
+    words = (arrays[f"motifs/word_{of}"] for of in ("take", "start_s", "end_s"))
+    return motif_arrays(make_vocabulary(motifs, motif, *words, arrays["takes/genre"].tolist()))
+
+
+@pytest.fixture(scope="module")
+def contents():
+    takes = with_counts(synthetic_takes(periods_s=PERIODS_S, genres=GENRES), PERIODS_S)
+    return with_vocabulary(synthetic_contents(takes), takes)
+
+
+@pytest.fixture(scope="module")
+def whole(contents, tmp_path_factory):
+    path = tmp_path_factory.mktemp("whole") / "whole.h5"
+    write_repertoire(path, contents)
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(contents, tmp_path_factory):
+    """A folder of three files: of one take, of two, and of one."""
+    folder = tmp_path_factory.mktemp("archive")
+    for name, (first, stop) in {"a.h5": (0, 1), "b.h5": (1, 3), "c.h5": (3, 4)}.items():
+        write_repertoire(folder / name, part_of(contents, first, stop))
+    return folder
+
+
+def test_all_arrays_are_those_of_one_file(whole, folder):
+    one, several = RepertoireFile(whole), open_files([folder])
+    assert isinstance(several, RepertoireShards)
+    assert several.names == one.names
+    for name in one.names:
+        if name in ("provenance", "motifs/words"):  # medoids of the parts are other words
+            continue
+        assert np.array_equal(several.read(name), one.read(name)), name
+        if name in several.shapes:
+            assert several.shapes[name] == one.shapes[name]
+            rows = np.random.default_rng(0).integers(0, one.shapes[name][0], size=(5, 2))
+            assert np.array_equal(several.rows(name, rows), one.rows(name, rows)), name
+            assert np.array_equal(several.read(name, slice(1, 4)), one.read(name, slice(1, 4))), name
+            assert np.array_equal(several.read_rows(name, 0, 3), one.read_rows(name, 0, 3)), name
+
+
+@pytest.mark.parametrize("engine", ["graph", "mixer"])
+def test_dances_are_those_of_one_file(whole, folder, tmp_path, engine):
+    song = cg.load_song(write_clicks(tmp_path / "clicks.wav", duration_s=12.4))
+    one, several = (cg.dance(song, cg.Repertoire.open(path), engine=engine) for path in (whole, folder))
+    assert replace(several.plan, repertoire="") == replace(one.plan, repertoire="")
+    assert np.array_equal(several.motion.local_quat, one.motion.local_quat)
+    assert np.array_equal(several.motion.root_pos_m, one.motion.root_pos_m)
+
+
+def test_files_and_folders_are_given_in_any_number(folder, whole):
+    files = sorted(folder.glob("*.h5"))
+    assert [take.name for take in cg.Repertoire.open(files).takes] == ["take0", "take1", "take2", "take3"]
+    assert cg.Repertoire.open(files).path.name == "a.h5+b.h5+c.h5"
+    assert cg.Repertoire.open(folder).path == folder
+    assert cg.Repertoire.open(folder).paths == tuple(files)
+    assert cg.Repertoire.open([whole]).path == whole
+    reverse = cg.Repertoire.open([files[2], files[0]])
+    assert [take.name for take in reverse.takes] == ["take3", "take0"]
+    assert reverse.take_index("take0") == 1
+
+
+def test_files_with_and_without_uncertain_counts_and_poses(contents, tmp_path):
+    """Counts without uncertainty are certain. Poses that one file lacks are made from its positions."""
+    first, second = part_of(contents, 0, 2), part_of(contents, 2, 4)
+    doubt = np.full(len(first.arrays["counts/time_s"]), 0.25, np.float32)
+    write_repertoire(tmp_path / "a.h5", replace(first, arrays={**first.arrays, "counts/doubt": doubt}))
+    write_repertoire(tmp_path / "b.h5", second)
+    both = cg.Repertoire.open(tmp_path)
+    assert (both.counts(0).uncertainty == 0.25).all() and (both.counts(2).uncertainty == 0).all()
+    assert "poses" in both._file.parts
+
+
+def test_every_file_is_verified(folder, tmp_path):
+    for path in folder.glob("*.h5"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    seen = []
+    open_files([tmp_path]).verify(lambda *done: seen.append(done))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    damaged = tmp_path / "b.h5"
+    with open(damaged, "r+b") as file:
+        file.seek(damaged.stat().st_size // 2)
+        file.write(b"\xff" * 64)
+    with pytest.raises(RepertoireError, match=r"b\.h5"):
+        open_files([tmp_path]).verify()
+
+
+def test_files_that_do_not_fit_are_refused_by_name(contents, folder, tmp_path):
+    other = part_of(contents, 2, 4)
+    of_another_set = {**other.provenance, "motifs": "1" * 32}
+    longer = {**other.arrays, "skeleton/offsets_m": other.arrays["skeleton/offsets_m"] * 2}
+    for number, (what, wrong) in enumerate(
+        {
+            "motifs": replace(other, provenance=of_another_set), "skeleton": replace(other, arrays=longer),
+            "tempo-density": replace(other, density="learned"), "networks": replace(other, nets={}),
+        }.items()
+    ):  # fmt: skip
+        path = tmp_path / f"{number}.h5"
+        if what == "networks":
+            wrong = replace(wrong, arrays={n: a for n, a in wrong.arrays.items() if "motifs/" not in n})
+        write_repertoire(path, wrong)
+        with pytest.raises(
+            RepertoireError, match=f"{number}.h5: expected the {what} of a.h5, got others: .*--keep"
+        ):
+            cg.Repertoire.open([folder / "a.h5", path])
+
+
+def test_a_take_in_two_files_and_a_folder_without_files_are_refused(folder, tmp_path):
+    for one, two in itertools.permutations(("a.h5", "copy.h5")):
+        (tmp_path / "copy.h5").write_bytes((folder / "a.h5").read_bytes())
+        (tmp_path / "a.h5").write_bytes((folder / "a.h5").read_bytes())
+        with pytest.raises(
+            RepertoireError, match=f"{two}: expected takes that {one} does not have, got 'take0'"
+        ):
+            cg.Repertoire.open([tmp_path / one, tmp_path / two])
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RepertoireError, match=r"empty: expected repertoire files \(\.h5\) in this folder"):
+        cg.Repertoire.open(tmp_path / "empty")
+    with pytest.raises(RepertoireError, match="expected repertoire files, got none"):
+        cg.Repertoire.open([])
