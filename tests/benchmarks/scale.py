@@ -1,0 +1,191 @@
+"""What a large archive costs: measured costs of a take and a clip, and what they are for 10,000 hours of takes.
+
+    OMP_NUM_THREADS=1 python tests/benchmarks/scale.py TAKES [-o data_schema] [--clips 1000 10000 100000]
+
+TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Builds are made of 8 and of
+16 of them, with the shipped networks kept, in one process: the difference is the cost of 8 takes. Writes
+scale.md and scale.png. Needs Matplotlib, and 30 kB of disk for a clip.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from archive import make_library, measured
+from processes import Spent, spent
+
+import choreograph as cg
+
+HOURS = 10_000.0
+FEW, MANY = 8, 16  # takes of the two builds
+SONG_S = 20.0
+
+
+@dataclass(frozen=True)
+class BuildCosts:
+    """What a minute of motion costs in a build, and in the file."""
+
+    cpu_s: float
+    clips: float
+    mb: float
+    compressed_mb: float
+
+
+def build_costs(takes: Path, folder: Path) -> BuildCosts:
+    """The costs of the takes that the larger build has more than the smaller one."""
+    names = sorted({path.stem for path in takes.glob("*.bvh")})
+    if len(names) < MANY:
+        raise SystemExit(f"{takes}: expected at least {MANY} BVH takes, got {len(names)}")
+    # Every genre: takes are sorted by genre.
+    chosen = [names[index] for index in np.linspace(0, len(names) - 1, MANY).astype(int)]
+    results: list[tuple[Spent, Any, Any]] = []
+    for number in (FEW, MANY):
+        part = folder / f"{number}"
+        part.mkdir()
+        for name in chosen[:: MANY // number]:
+            for path in takes.glob(f"{name}.*"):
+                shutil.copy(path, part)
+        kept = ["--pretrained", "clean", "--keep-networks", "--workers", "1", "--quiet"]
+        plain, small = folder / f"{number}.h5", folder / f"{number}c.h5"
+        used = spent(["-m", "choreograph", "build-db", str(part), "-o", str(plain), *kept], folder / "cache")
+        spent(
+            ["-m", "choreograph", "build-db", str(part), "-o", str(small), *kept, "--set", "compress=true"],
+            folder / "cache",
+        )
+        results.append((used, cg.Repertoire.open(plain), small))
+    (few, few_made, few_small), (many, many_made, many_small) = results
+    minutes = _minutes(many_made) - _minutes(few_made)
+    return BuildCosts(
+        (many.cpu_s - few.cpu_s) / minutes,
+        (many_made.n_clips - few_made.n_clips) / minutes,
+        (many_made.path.stat().st_size - few_made.path.stat().st_size) / 1e6 / minutes,
+        (many_small.stat().st_size - few_small.stat().st_size) / 1e6 / minutes,
+    )
+
+
+def _minutes(repertoire: cg.Repertoire) -> float:
+    return sum(take.duration_s for take in repertoire.takes) / 60
+
+
+# The measured part, and lines through its last two sizes.
+
+
+def line_through(clips: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """Exponent and factor of values ∝ clips^exponent through the two largest sizes."""
+    exponent = math.log(values[-1] / values[-2]) / math.log(clips[-1] / clips[-2])
+    return exponent, values[-1] / clips[-1] ** exponent
+
+
+def plot(path: Path, rows: list[dict[str, Any]], n_projected: float) -> None:
+    """Seconds of CPU and memory by the number of clips: measured as points, projected as dashed lines."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    clips = np.array([row["clips"] for row in rows], float)
+    beyond = np.array([clips[-1], n_projected])
+    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
+    series = {
+        "open": [row["open"][1] for row in rows],
+        "first dance": [row["first"][1] for row in rows],
+        "second dance": [row["second"][1] for row in rows],
+    }
+    for axis, of_axis, unit in (
+        (axes[0], series, "CPU seconds"),
+        (axes[1], {"peak memory": [row["peak_gb"] for row in rows]}, "GB"),
+    ):
+        for name, values in of_axis.items():
+            [line] = axis.plot(clips, values, "o-", label=name)
+            exponent, factor = line_through(clips, np.array(values))
+            axis.plot(beyond, factor * beyond**exponent, "--", color=line.get_color())
+        axis.set(xscale="log", yscale="log", xlabel="clips", ylabel=unit)
+        axis.legend(title="dashed: projected")
+        axis.grid(alpha=0.3)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)
+
+
+def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
+    """The page in Markdown."""
+    clips = np.array([row["clips"] for row in rows], float)
+    n_clips = HOURS * 60 * costs.clips
+    lines = [
+        "# What an archive costs",
+        "",
+        "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes` wrote this page. Seconds are of "
+        "CPU time on one core of the machine that ran it. A projection is a line through the two largest sizes "
+        "that were measured.",
+        "",
+        "![Measured and projected](scale.png)",
+        "",
+        "## To build",
+        "",
+        f"Networks are kept. Measured as the difference of builds of {FEW} and {MANY} takes.",
+        "",
+        "| | a minute of motion | 10,000 hours, projected |",
+        "| --- | --- | --- |",
+        f"| CPU | {costs.cpu_s:.1f} s | {HOURS * 60 * costs.cpu_s / 3600:,.0f} hours |",
+        f"| clips | {costs.clips:.0f} | {n_clips / 1e6:.1f} million |",
+        f"| file | {costs.mb:.2f} MB | {HOURS * 60 * costs.mb / 1e6:.2f} TB |",
+        f"| compressed file | {costs.compressed_mb:.2f} MB | {HOURS * 60 * costs.compressed_mb / 1e6:.2f} TB |",
+        "",
+        "## To dance",
+        "",
+        f"The built-in takes, copied with other sizes and styles. A dance of {SONG_S:g} s, each in a new process.",
+        "",
+        "| clips | hours of takes | open | first dance | second dance | peak memory |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in rows:
+        lines.append(
+            f"| {row['clips']:,} | {row['clips'] / costs.clips / 60:,.0f} | {row['open'][1]:.2f} s | "
+            f"{row['first'][1]:.1f} s | {row['second'][1]:.1f} s | {row['peak_gb']:.2f} GB |"
+        )
+    for n in (1e6, n_clips):
+        cells = []
+        for values in (
+            [row["open"][1] for row in rows], [row["first"][1] for row in rows],
+            [row["second"][1] for row in rows], [row["peak_gb"] for row in rows],
+        ):  # fmt: skip
+            exponent, factor = line_through(clips, np.array(values))
+            cells.append(factor * n**exponent)
+        lines.append(
+            f"| {n:,.0f}, projected | {n / costs.clips / 60:,.0f} | {cells[0]:.1f} s | {cells[1]:,.0f} s | "
+            f"{cells[2]:,.0f} s | {cells[3]:.1f} GB |"
+        )
+    return "\n".join([*lines, ""])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("takes", type=Path)
+    parser.add_argument("-o", "--output", type=Path, default=Path("data_schema"))
+    parser.add_argument("--clips", type=int, nargs="+", default=[1_000, 10_000, 100_000])
+    options = parser.parse_args()
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        costs = build_costs(options.takes, folder)
+        print(costs, flush=True)
+        rows = []
+        for n_clips in options.clips:
+            path = folder / f"{n_clips}.h5"
+            make_library(path, n_clips)
+            rows.append(measured(path, SONG_S))
+            print(rows[-1], flush=True)
+            path.unlink()
+    plot(options.output / "scale.png", rows, HOURS * 60 * costs.clips)
+    (options.output / "scale.md").write_text(page(costs, rows), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
