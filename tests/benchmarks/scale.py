@@ -1,10 +1,10 @@
-"""What a large archive costs: measured costs of a take and a clip, and what they are for 10,000 hours of takes.
+"""What a large archive costs: measured costs of a take and a clip, and those of 10,000 hours of takes.
 
     OMP_NUM_THREADS=1 python tests/benchmarks/scale.py TAKES [-o data_schema] [--clips 1000 10000 100000]
 
-TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Builds are made of 8 and of
-16 of them, with the shipped networks kept, in one process: the difference is the cost of 8 takes. Writes
-scale.md and scale.png. Needs Matplotlib, and 30 kB of disk for a clip.
+TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Builds are made of 8
+and of 16 of them, with the shipped networks kept, in one process: the difference is the cost of 8 takes.
+Writes scale.md and scale.png. Needs Matplotlib, and 30 kB of disk for a clip.
 """
 
 from __future__ import annotations
@@ -120,9 +120,9 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
     lines = [
         "# What an archive costs",
         "",
-        "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes` wrote this page. Seconds are of "
-        "CPU time on one core of the machine that ran it. A projection is a line through the two largest sizes "
-        "that were measured.",
+        "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes` wrote this page. Seconds "
+        "are of CPU time on one core of the machine that ran it. A projection is a line through the two "
+        "largest sizes that were measured.",
         "",
         "![Measured and projected](scale.png)",
         "",
@@ -134,12 +134,15 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
         "| --- | --- | --- |",
         f"| CPU | {costs.cpu_s:.1f} s | {HOURS * 60 * costs.cpu_s / 3600:,.0f} hours |",
         f"| clips | {costs.clips:.0f} | {n_clips / 1e6:.1f} million |",
-        f"| file | {costs.mb:.2f} MB | {HOURS * 60 * costs.mb / 1e6:.2f} TB |",
-        f"| compressed file | {costs.compressed_mb:.2f} MB | {HOURS * 60 * costs.compressed_mb / 1e6:.2f} TB |",
+        *(
+            f"| {what} | {mb:.2f} MB | {HOURS * 60 * mb / 1e6:.2f} TB |"
+            for what, mb in (("file", costs.mb), ("compressed file", costs.compressed_mb))
+        ),
         "",
         "## To dance",
         "",
-        f"The built-in takes, copied with other sizes and styles. A dance of {SONG_S:g} s, each in a new process.",
+        "The built-in takes, copied with other sizes and styles. "
+        f"Each dance lasts {SONG_S:g} s and is made in a new process.",
         "",
         "| clips | hours of takes | open | first dance | second dance | peak memory |",
         "| --- | --- | --- | --- | --- | --- |",
