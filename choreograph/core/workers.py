@@ -1,4 +1,4 @@
-"""The same work on many inputs, in several processes, with the results in the order of the inputs.
+"""The same work on many inputs, in several processes or machines, with the results in order of the inputs.
 
 The results do not depend on the number of processes. A process that is killed, such as for lack of memory,
 costs the work that it had begun, which is done again. Processes are those of joblib, which need no
@@ -15,8 +15,10 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
+from choreograph.core.clusters import Cluster, WorkerKilled, connected
 from choreograph.core.errors import ChoreographError
 
 FEWEST = 6  # inputs for which processes are started, each of which takes two seconds
@@ -25,6 +27,7 @@ _AHEAD = 2  # inputs of a process that are worked on before their results are ne
 _Input = TypeVar("_Input")
 _Result = TypeVar("_Result")
 _n_workers: ContextVar[int] = ContextVar("n_workers", default=1)
+_cluster: ContextVar[Cluster | None] = ContextVar("cluster", default=None)
 
 
 def n_cores() -> int:
@@ -56,6 +59,21 @@ def workers(n: int) -> Iterator[None]:
             _end_processes()
 
 
+@contextmanager
+def cluster(address: str) -> Iterator[Cluster]:
+    """Inside, `each` uses the workers of the Dask scheduler at `address`, and `beside` this process.
+
+    Raises as `clusters.connected`.
+    """
+    with connected(address) as of_address:
+        tokens = _cluster.set(of_address), _n_workers.set(1)
+        try:
+            yield of_address
+        finally:
+            _cluster.reset(tokens[0])
+            _n_workers.reset(tokens[1])
+
+
 def _end_processes() -> None:
     """Idle processes would keep their memory, and a fork of this process would wait for them for ever."""
     from joblib.externals.loky import get_reusable_executor
@@ -77,6 +95,10 @@ def each(
     Raises what `function` raises, and `ChoreographError` for such an input without `killed`.
     """
     inputs = list(inputs)
+    of_address = _cluster.get()
+    if of_address is not None:
+        yield from _each_in(of_address, function, inputs, killed)
+        return
     n = min(_n_workers.get(), len(inputs))
     if n == 1 or len(inputs) < FEWEST:
         yield from map(function, inputs)
@@ -94,12 +116,36 @@ def each(
                 one_by_one = (_AHEAD + 1) * n
                 continue
             if killed is None:
-                raise ChoreographError(
-                    f"expected the work on input {done + 1} of {len(inputs)} to end, but its process was "
-                    "killed twice: too little memory?"
-                ) from None
+                raise _killed_often(done, len(inputs)) from None
             yield killed(inputs[done])
             done, one_by_one = done + 1, one_by_one - 1
+
+
+def _each_in(
+    of_address: Cluster,
+    function: Callable[[_Input], _Result],
+    inputs: list[_Input],
+    killed: Callable[[_Input], _Result] | None,
+) -> Iterator[_Result]:
+    """`each` in a cluster."""
+    done = 0
+    while done < len(inputs):
+        try:
+            for result in of_address.each(partial(_result, function), inputs[done:]):
+                yield _taken(result)
+                done += 1
+        except WorkerKilled:
+            if killed is None:
+                raise _killed_often(done, len(inputs)) from None
+            yield killed(inputs[done])
+            done += 1
+
+
+def _killed_often(index: int, n_inputs: int) -> ChoreographError:
+    return ChoreographError(
+        f"expected the work on input {index + 1} of {n_inputs} to end, but its process was killed more than once: "
+        "too little memory?"
+    )
 
 
 @contextmanager

@@ -1,0 +1,132 @@
+"""The same work on many inputs, by the workers of a Dask scheduler, which may be other machines.
+
+Needs the extra `cluster`. Functions, inputs and results are pickled. Files that a function reads must have
+the same path for every worker.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from typing import Any, TypeVar
+
+from choreograph.core.errors import ChoreographError
+
+_AHEAD = 2  # inputs of a worker that are sent before their results are needed
+_CONNECT_S = 10.0
+_MOST_LOSSES = 5  # of a scheduler, in a row
+
+_Input = TypeVar("_Input")
+_Result = TypeVar("_Result")
+
+
+class WorkerKilled(Exception):
+    """Workers were killed again and again while they worked on one input."""
+
+
+class Cluster:
+    """A connection to a scheduler whose workers can do the work of this program."""
+
+    def __init__(self, address: str, client: Any) -> None:
+        self.address, self._client = address, client
+
+    @property
+    def dashboard(self) -> str:
+        """The address of the scheduler's page in a browser."""
+        return str(self._client.dashboard_link)
+
+    def each(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
+        """The result of `function` for each input, in order.
+
+        Work that is lost with a worker or a scheduler is done again. Raises what `function` raises,
+        `WorkerKilled` when the scheduler gives an input up, and `ChoreographError` when the scheduler is
+        lost.
+        """
+        from distributed import CancelledError, KilledWorker
+        from distributed.comm import CommClosedError
+
+        done, losses = 0, 0
+        while done < len(inputs):
+            try:
+                for result in self._in_order(function, inputs[done:]):
+                    yield result
+                    done, losses = done + 1, 0
+            except KilledWorker as error:
+                raise WorkerKilled from error
+            except (CancelledError, CommClosedError, OSError) as error:
+                losses += 1
+                if losses > _MOST_LOSSES:
+                    raise ChoreographError(
+                        f"expected the scheduler {self.address} to answer, lost it {losses} times: "
+                        "is it running?"
+                    ) from error
+                self._wait()
+
+    def _in_order(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
+        """Results in order. Only as many inputs are sent as workers need, since some are whole takes."""
+        n_ahead = _AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        running: deque[Any] = deque()
+        waiting = iter(inputs)
+        try:
+            for one in waiting:
+                running.append(self._client.submit(function, one, pure=False))
+                if len(running) > n_ahead:
+                    yield running.popleft().result()
+            while running:
+                yield running.popleft().result()
+        finally:
+            self._client.cancel(list(running))
+
+    def _wait(self) -> None:
+        """Wait until the scheduler is back with a worker, or not any longer."""
+        self._client.wait_for_workers(1, timeout=_CONNECT_S)
+
+
+@contextmanager
+def connected(address: str) -> Iterator[Cluster]:
+    """The workers of a scheduler, such as tcp://10.0.0.5:8786.
+
+    Raises `ChoreographError` if there is no scheduler, or if its workers have another version of this program
+    or several threads.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ChoreographError(
+            "expected the extra `cluster` to use a Dask scheduler, it is not installed: "
+            "pip install 'choreograph[cluster]'"
+        ) from error
+    try:
+        client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ChoreographError(
+            f"expected a Dask scheduler at {address}, could not connect: {reason}"
+        ) from error
+    try:
+        _check_workers(client, address)
+        yield Cluster(address, client)
+    finally:
+        client.close()
+
+
+def _check_workers(client: Any, address: str) -> None:
+    threads = client.nthreads()
+    if not threads:
+        raise ChoreographError(f"expected workers of the scheduler {address}, got none: start `dask worker`")
+    for worker, n_threads in threads.items():
+        if n_threads != 1:
+            raise ChoreographError(
+                f"expected workers with one thread, got {n_threads} in {worker}: "
+                "start them with `dask worker --nthreads 1`"
+            )
+    own = version("choreograph")
+    for worker, found in client.run(_installed_version).items():
+        if found != own:
+            raise ChoreographError(f"expected choreograph {own} in every worker, got {found} in {worker}")
+
+
+def _installed_version() -> str:
+    return version("choreograph")
