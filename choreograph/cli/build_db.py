@@ -126,6 +126,10 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     "--workers", type=int, metavar="N",
     help="Processes that read and measure takes: one for each CPU core (0).",
 )  # fmt: skip
+@optgroup.option(
+    "--dask", metavar="ADDRESS",
+    help="Dask scheduler whose workers read and measure takes, such as tcp://10.0.0.5:8786.",
+)  # fmt: skip
 @optgroup.option("--resume", is_flag=True, default=None, help="Continue a build that was stopped.")
 @optgroup.option("--device", metavar="auto|cpu|cuda", help="Where to train: a GPU if there is one (auto).")
 @optgroup.option("--seed", type=int, help="Seed of the training (0).")
@@ -257,10 +261,10 @@ def _change(
 
 def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> None:
     """Print a row for each file of the sources. Raises if a build would fail."""
-    from choreograph.core.workers import n_cores, workers
+    from choreograph.core.workers import working
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
-    with stages(quiet=quiet) as shown, workers(settings.workers or n_cores()):
+    with stages(quiet=quiet) as shown, working(settings.workers, settings.dask):
         imported = import_sources(sources, settings, shown.report)
     files = checked_files(imported)
     table = [("file", "rig", "units", "counts", "length", "what happens")]

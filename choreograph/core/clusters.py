@@ -7,7 +7,7 @@ the same path for every worker.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from typing import Any, TypeVar
@@ -37,12 +37,19 @@ class Cluster:
         """The address of the scheduler's page in a browser."""
         return str(self._client.dashboard_link)
 
-    def each(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
+    @property
+    def n_workers(self) -> int:
+        """The number of workers, at least 1."""
+        return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+
+    def each(
+        self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]
+    ) -> Generator[_Result, None, None]:
         """The result of `function` for each input, in order.
 
         Work that is lost with a worker or a scheduler is done again. Raises what `function` raises,
-        `WorkerKilled` when the scheduler gives an input up, and `ChoreographError` when the scheduler is
-        lost.
+        `WorkerKilled` when the scheduler gives an input up, which may have been beside the one that kills
+        workers, and `ChoreographError` when the scheduler is lost.
         """
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
@@ -66,7 +73,7 @@ class Cluster:
 
     def _in_order(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
         """Results in order. Only as many inputs are sent as workers need, since some are whole takes."""
-        n_ahead = _AHEAD * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        n_ahead = _AHEAD * self.n_workers
         running: deque[Any] = deque()
         waiting = iter(inputs)
         try:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import os
 import pickle
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
@@ -74,6 +74,14 @@ def cluster(address: str) -> Iterator[Cluster]:
             _n_workers.reset(tokens[1])
 
 
+def working(n: int, dask: str) -> AbstractContextManager[Cluster | None]:
+    """A context in which `each` uses the scheduler at the address `dask`, or `n` processes if it is empty.
+
+    `n` is 0 for one process for each CPU core.
+    """
+    return cluster(dask) if dask else workers(n or n_cores())
+
+
 def _end_processes() -> None:
     """Idle processes would keep their memory, and a fork of this process would wait for them for ever."""
     from joblib.externals.loky import get_reusable_executor
@@ -95,23 +103,21 @@ def each(
     Raises what `function` raises, and `ChoreographError` for such an input without `killed`.
     """
     inputs = list(inputs)
-    of_address = _cluster.get()
-    if of_address is not None:
-        yield from _each_in(of_address, function, inputs, killed)
-        return
-    n = min(_n_workers.get(), len(inputs))
-    if n == 1 or len(inputs) < FEWEST:
+    elsewhere = _cluster.get()
+    n = min(_n_workers.get(), len(inputs)) if elsewhere is None else elsewhere.n_workers
+    if elsewhere is None and (n == 1 or len(inputs) < FEWEST):
         yield from map(function, inputs)
         return
+    start = partial(_started, n) if elsewhere is None else elsewhere.each
     done, one_by_one = 0, 0
     while done < len(inputs):
         stop = done + 1 if one_by_one else len(inputs)
         try:
-            with _ended(_started(n, function, inputs[done:stop])) as results:
+            with _ended(start(partial(_result, function), inputs[done:stop])) as results:
                 for result in results:
                     yield _taken(result)
                     done, one_by_one = done + 1, max(0, one_by_one - 1)
-        except BrokenProcessPool:
+        except (BrokenProcessPool, WorkerKilled):
             if one_by_one == 0:  # any of those that were begun may have done it
                 one_by_one = (_AHEAD + 1) * n
                 continue
@@ -121,30 +127,10 @@ def each(
             done, one_by_one = done + 1, one_by_one - 1
 
 
-def _each_in(
-    of_address: Cluster,
-    function: Callable[[_Input], _Result],
-    inputs: list[_Input],
-    killed: Callable[[_Input], _Result] | None,
-) -> Iterator[_Result]:
-    """`each` in a cluster."""
-    done = 0
-    while done < len(inputs):
-        try:
-            for result in of_address.each(partial(_result, function), inputs[done:]):
-                yield _taken(result)
-                done += 1
-        except WorkerKilled:
-            if killed is None:
-                raise _killed_often(done, len(inputs)) from None
-            yield killed(inputs[done])
-            done += 1
-
-
 def _killed_often(index: int, n_inputs: int) -> ChoreographError:
     return ChoreographError(
-        f"expected the work on input {index + 1} of {n_inputs} to end, but its process was killed more than once: "
-        "too little memory?"
+        f"expected the work on input {index + 1} of {n_inputs} to end, but its process was killed more than "
+        "once: too little memory?"
     )
 
 
@@ -160,7 +146,7 @@ def beside(
     if elsewhere is None or _n_workers.get() == 1:
         yield here
         return
-    with _ended(_started(2, _call, [elsewhere])) as running:
+    with _ended(_started(2, partial(_result, _call), [elsewhere])) as running:
 
         def result() -> _Result:
             try:
@@ -192,16 +178,14 @@ class _Failed:
 
 
 def _started(
-    n: int, function: Callable[[_Input], _Result], inputs: list[_Input]
-) -> Generator[_Result | _Failed, None, None]:
+    n: int, function: Callable[[_Input], _Result], inputs: Sequence[_Input]
+) -> Generator[_Result, None, None]:
     """The results in order, of work that begins at once."""
     from joblib import Parallel, delayed
 
     # Without `max_nbytes`, large arrays would be passed as read-only files.
     parallel = Parallel(max(n, 2), return_as="generator", max_nbytes=None, pre_dispatch=_AHEAD * n)
-    results: Generator[_Result | _Failed, None, None] = parallel(
-        delayed(_result)(function, one) for one in inputs
-    )
+    results: Generator[_Result, None, None] = parallel(delayed(function)(one) for one in inputs)
     return results
 
 

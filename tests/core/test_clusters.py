@@ -4,84 +4,26 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 import pytest
+from schedulers import ended, free_port, scheduler_at, scheduler_with_workers, started, wait_for, worker_of
 
 from choreograph.core.clusters import connected
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.core.workers import cluster, each
 
-distributed = pytest.importorskip("distributed")
+pytest.importorskip("distributed")
 pytestmark = pytest.mark.slow
-HERE = [str(Path(__file__).parents[1]), str(Path(__file__).parents[2])]  # of what workers import
-START_S = 60.0
-
-
-def started(name: str, *arguments: str) -> subprocess.Popen:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(HERE), "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(
-        [sys.executable, "-m", "distributed.cli." + name, *arguments], env=environment,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-
-
-def scheduler_at(port: int) -> subprocess.Popen:
-    return started(
-        "dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard", "--no-show",
-    )  # fmt: skip
-
-
-def worker_of(address: str, folder: Path, *options: str) -> subprocess.Popen:
-    return started(
-        "dask_worker", address, "--nthreads", "1", "--no-dashboard", "--local-directory", str(folder),
-        *options,
-    )  # fmt: skip
-
-
-def free_port() -> int:
-    import socket
-
-    with socket.socket() as asked:
-        asked.bind(("127.0.0.1", 0))
-        return asked.getsockname()[1]
-
-
-def wait_for(address: str, n_workers: int) -> None:
-    with distributed.Client(address, timeout=START_S, set_as_default=False) as client:
-        client.wait_for_workers(n_workers, timeout=START_S)
-
-
-@contextmanager
-def ended(*processes: subprocess.Popen):
-    try:
-        yield
-    finally:
-        for process in processes:
-            process.send_signal(signal.SIGCONT)
-            process.terminate()
-        for process in processes:
-            try:
-                process.wait(timeout=5)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
 
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
     """A scheduler with two workers, each with a nanny that starts it again."""
-    address = f"tcp://127.0.0.1:{(port := free_port())}"
-    folder = tmp_path_factory.mktemp("workers")
-    scheduler, *workers = scheduler_at(port), *(worker_of(address, folder) for _ in range(2))
-    with ended(*workers, scheduler):
-        wait_for(address, 2)
+    with scheduler_with_workers(tmp_path_factory.mktemp("workers")) as address:
         yield address
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from schedulers import scheduler_with_workers
 from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
 
@@ -37,6 +38,20 @@ def test_a_build_has_the_same_bytes_with_any_number_of_workers(tmp_path, takes):
     for n in (1, 2):
         cg.build(takes, tmp_path / f"{n}.h5", preset="tiny", words=False, workers=n)
     assert (tmp_path / "1.h5").read_bytes() == (tmp_path / "2.h5").read_bytes()
+
+
+def test_a_build_has_the_same_bytes_with_a_cluster(tmp_path, takes, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.chdir(takes.parent)
+    cg.build(takes.name, tmp_path / "1.h5", preset="tiny", words=False, workers=1)
+    stages = []
+    with scheduler_with_workers(tmp_path) as address:
+        cg.build(
+            takes.name, tmp_path / "2.h5", preset="tiny", words=False, dask=address,
+            report=lambda stage, done, total: stages.append(stage),
+        )  # fmt: skip
+    assert (tmp_path / "1.h5").read_bytes() == (tmp_path / "2.h5").read_bytes()
+    assert stages[0].startswith("connected, http")
 
 
 def test_takes_are_measured_alike_with_progress(takes):

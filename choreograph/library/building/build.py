@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
-from choreograph.core.workers import beside, is_of_torchrun, n_cores, workers
+from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
@@ -83,7 +83,12 @@ def build_repertoire(
     output = check_target(output)
     work = folder_beside(output, ".build")
     check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
-    with locked_folder(work, doing=f"builds {output.name}"), workers(options.workers or n_cores()):
+    doing = f"builds {output.name}"
+    with locked_folder(work, doing=doing), working(options.workers, options.dask) as cluster:
+        if cluster is not None:
+            sources = tuple(Path(source).absolute() for source in sources)  # workers are elsewhere
+            if report is not None:
+                report(f"connected, {cluster.dashboard}", 0, 0)
         notes = _write_built(sources, output, work, options, teacher, report, training_report)
     repertoire = Repertoire.open(output)
     return BuildResult(repertoire, summary(notes, len(repertoire.takes), output.name))

@@ -64,6 +64,10 @@ class BuildOptions:
     """Processes that read and measure takes and analyse songs. 0 is one for each CPU core. The result does
     not depend on it."""
 
+    dask: str = ""
+    """Address of a Dask scheduler, such as tcp://10.0.0.5:8786, whose workers read and measure takes and
+    analyse songs. Takes must have the same paths there. The result does not depend on it."""
+
     resume: bool = False
     """Whether to continue from the checkpoints of a build that was stopped."""
 
@@ -143,6 +147,7 @@ class ReadingSettings(TypedDict, total=False):
     """The fields of `BuildOptions` about the reading of sources, as keywords of `change_takes`."""
 
     workers: int
+    dask: str
     leave_out: Sequence[str]
     skip_bad: bool
     allow_outside: bool
