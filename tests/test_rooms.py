@@ -54,6 +54,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
     "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),
+    "distributed": ("core.clusters",),
     "joblib": ("core.workers",),
     "platformdirs": ("core", "cli"),
     "pxr": ("formats.usd",),

@@ -31,7 +31,7 @@ from choreograph.library.clips import ClipMotion, TakeInfo, figures_from, takes_
 from choreograph.library.motifs import SpanMotifLookup, Vocabulary, vocabulary_from
 from choreograph.library.notes import Note, notes_from
 from choreograph.library.schema import NetArrays, rollout_names
-from choreograph.library.shards import AnyFile, RepertoireShards, open_files
+from choreograph.library.shards import AnyFile, RepertoireShards, motif_set, open_files
 from choreograph.library.store import RepertoireFile
 from choreograph.library.take_counts import TakeCounts, TakeTempi
 from choreograph.motion import rotations as rot
@@ -166,6 +166,14 @@ class Repertoire:
         self._expect_vocabulary()
         with self._damage_named():
             return vocabulary_from(self._file.read, len(self.takes))
+
+    @property
+    def motif_set(self) -> str:
+        """A digest of the motifs that were found together, of which the file has those of its words.
+
+        It is empty without motifs. Repertoires that keep the motifs of another one have its digest.
+        """
+        return motif_set(self._file)
 
     def word_net(self) -> WordEmbedder:
         """The network that embedded the motion words. Raises `RepertoireError` if there is none."""

@@ -226,7 +226,7 @@ def _check_same(first: RepertoireFile, other: RepertoireFile) -> None:
     """Raise `RepertoireError` if two files cannot be read as one."""
     for what, of in (
         ("skeleton", _skeleton), ("networks", _networks), ("tempo-density", lambda file: file.density),
-        ("motifs", _motif_set),
+        ("motifs", motif_set),
     ):  # fmt: skip
         if of(first) != of(other):
             raise RepertoireError(_differs(what, first, other))
@@ -249,8 +249,8 @@ def _networks(file: RepertoireFile) -> bytes:
     return digest(list(nets), [[net.config, net.weights] for net in nets.values()])
 
 
-def _motif_set(file: RepertoireFile) -> str:
-    """A digest of the motifs that the words of a file have, of which it has those of its own words."""
+def motif_set(file: AnyFile) -> str:
+    """A digest of the motifs that were found together, or empty. A file has those of its own words."""
     if "motifs" not in file.parts:
         return ""
     return str(file.provenance.get("motifs") or digest(file.read("motifs/embeddings")).hex())

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from synthetic_motions import stepping
 from synthetic_repertoire import (
     synthetic_contents,
     synthetic_takes,
@@ -17,6 +18,7 @@ from synthetic_repertoire import (
 
 import choreograph as cg
 from choreograph.core.errors import RepertoireError
+from choreograph.formats.register import save_motion
 from choreograph.library.motifs import Motifs, make_vocabulary, motif_arrays
 from choreograph.library.schema import Contents, layout_of
 from choreograph.library.shards import RepertoireShards, open_files
@@ -178,3 +180,22 @@ def test_a_take_in_two_files_and_a_folder_without_files_are_refused(folder, tmp_
         cg.Repertoire.open(tmp_path / "empty")
     with pytest.raises(RepertoireError, match="expected repertoire files, got none"):
         cg.Repertoire.open([])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("short_trainings")
+def test_a_file_that_is_built_with_the_networks_and_motifs_of_another_fits_it(tmp_path):
+    for name in ("first", "more"):
+        (tmp_path / name).mkdir()
+    for name, seeds in {"first": range(4), "more": range(4, 6)}.items():
+        for seed in seeds:
+            save_motion(tmp_path / name / f"{name}{seed}.bvh", stepping(14 * 30, period_s=0.5, seed=seed))
+    archive = tmp_path / "archive"
+    archive.mkdir()
+    cg.build(tmp_path / "first", archive / "a.h5", preset="tiny")
+    cg.build(tmp_path / "more", tmp_path / "alone.h5", preset="tiny")
+    kept = {"init_from": archive / "a.h5", "keep_networks": True}
+    cg.build(tmp_path / "more", archive / "b.h5", preset="tiny", **kept)
+    assert len(cg.Repertoire.open(archive).takes) == 6
+    with pytest.raises(RepertoireError, match=r"alone\.h5: expected the .* of a\.h5, got others"):
+        cg.Repertoire.open([archive / "a.h5", tmp_path / "alone.h5"])

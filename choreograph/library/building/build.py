@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
+from choreograph.core.numerics import digest
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
@@ -149,7 +150,11 @@ def _write_built(
         arrays | words.arrays,
         options.density if features.density else "analytic",
         _provenance(
-            options, [*trained_on, *counter_trained_on], features.selection_beat_weight, teacher is not None
+            options,
+            [*trained_on, *counter_trained_on],
+            features.selection_beat_weight,
+            with_teacher=teacher is not None,
+            motif_set=words.motif_set,
         ),
         nets | words.nets,
     )
@@ -164,7 +169,12 @@ def _write_built(
 
 
 def _provenance(
-    options: BuildOptions, trained_on: Sequence[str], selection_beat_weight: float, with_teacher: bool
+    options: BuildOptions,
+    trained_on: Sequence[str],
+    selection_beat_weight: float,
+    *,
+    with_teacher: bool,
+    motif_set: str,
 ) -> dict[str, Any]:
     """The provenance of the file, for `inspect` and for evaluation."""
     return {
@@ -180,6 +190,7 @@ def _provenance(
         "left_out": sorted(options.leave_out),
         "trained_on": sorted(set(trained_on)),
         "selection_beat_weight": selection_beat_weight,
+        "motifs": motif_set,
         "style_changes": dict(options.style_changes),
         "density_changes": dict(options.density_changes),
         "rollout_changes": dict(options.rollout_changes),
@@ -235,6 +246,7 @@ class _WordParts:
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
     segmented: Sequence[SegmentedTake] = ()
     vocabulary: Vocabulary | None = None
+    motif_set: str = ""  # `Repertoire.motif_set`
 
 
 def _trained_words(
@@ -290,9 +302,11 @@ def _words(
     words = WordNet.from_arrays(net.weights, net.config)
     if kept is None:
         vocabulary = make_motifs(segmented, words, seed=options.seed)
+        motif_set = digest(vocabulary.motifs.embeddings).hex()
     else:
         vocabulary = keep_motifs(segmented, kept, words, [m.body_pos_m for m in measured])
-    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary)
+        motif_set = kept.of_set
+    return _WordParts(nets, motif_arrays(vocabulary), segmented, vocabulary, motif_set)
 
 
 def _rollout_net(

@@ -20,7 +20,7 @@ from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
-from choreograph.core.workers import n_cores, workers
+from choreograph.core.workers import working
 from choreograph.library.building.build import clip_features
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.joining import TakeOrigin, TakeRows, joined_arrays, joined_notes
@@ -91,7 +91,7 @@ def change_takes(
     target = check_target(path if output is None else output)
     check_apart([target], [*changes.sources, *([] if output is None else [path])])
     work = folder_beside(target, ".build")
-    with locked_folder(work, doing=f"changes {target.name}"), workers(options.workers or n_cores()):
+    with locked_folder(work, doing=f"changes {target.name}"), working(options.workers, options.dask):
         kept = _Kept.of(RepertoireFile(path), options)
         new = _new_takes(kept, changes, report)
         notes = _write_changed(kept, new, changes, target)
@@ -295,7 +295,7 @@ def _vocabulary(kept: _Kept, new: _NewTakes, rows: TakeRows) -> Vocabulary:
 
 def _provenance(kept: _Kept, names: Sequence[str], counter: Sequence[str]) -> dict[str, Any]:
     """The provenance of the file, of which only the songs and takes of a network for counts change."""
-    stated = dict(kept.file.provenance)
+    stated = {**kept.file.provenance, "motifs": kept.repertoire.motif_set}
     left_out = stated.get("left_out", [])
     known = left_out if isinstance(left_out, list) else []
     if known or kept.options.leave_out:

@@ -46,6 +46,7 @@ class KeptMotifs:
 
     embeddings: NDArray[np.float32]  # (K, D)
     medoids: tuple[tuple[str, float, float], ...]  # (K,) take, start and end in seconds of each motif's word
+    of_set: str  # a digest of the motifs that were found together, which repertoires that keep them share
 
     @classmethod
     def of(cls, repertoire: Repertoire, *, compress: bool = False) -> KeptMotifs:
@@ -57,7 +58,7 @@ class KeptMotifs:
         embeddings = vocabulary.motifs.embeddings
         if compress:
             embeddings = embeddings.astype(np.float16).astype(np.float32)
-        return cls(embeddings, tuple(zip(names, *times_s, strict=True)))
+        return cls(embeddings, tuple(zip(names, *times_s, strict=True)), repertoire.motif_set)
 
     def nearest(self, embeddings: AnyFloats) -> Indices:
         """The motif (N,) of each word from its embedding (N, D)."""
