@@ -94,13 +94,15 @@ def each(
     inputs: Iterable[_Input],
     *,
     killed: Callable[[_Input], _Result] | None = None,
+    named: Callable[[_Input], str] = str,
 ) -> Iterator[_Result]:
     """The result of `function` for each input, in order, when it is needed.
 
     In processes, `function`, inputs and results are pickled. An input whose process is killed twice has the
     result `killed(input)`.
 
-    Raises what `function` raises, and `ChoreographError` for such an input without `killed`.
+    Raises what `function` raises, and `ChoreographError` for such an input without `killed`, which is called
+    `named(input)` there.
     """
     inputs = list(inputs)
     elsewhere = _cluster.get()
@@ -122,16 +124,12 @@ def each(
                 one_by_one = (_AHEAD + 1) * n
                 continue
             if killed is None:
-                raise _killed_often(done, len(inputs)) from None
+                raise ChoreographError(
+                    f"expected the work on {named(inputs[done])} to end, but its process was killed more "
+                    "than once: too little memory?"
+                ) from None
             yield killed(inputs[done])
             done, one_by_one = done + 1, one_by_one - 1
-
-
-def _killed_often(index: int, n_inputs: int) -> ChoreographError:
-    return ChoreographError(
-        f"expected the work on input {index + 1} of {n_inputs} to end, but its process was killed more than "
-        "once: too little memory?"
-    )
 
 
 @contextmanager

@@ -98,7 +98,7 @@ def prepared_takes(
     """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes."""
     prepare = partial(_prepared, target=target, lock=options.lock_feet)
     measured, notes = [], []
-    for done, (one, jumps) in enumerate(each(prepare, takes)):
+    for done, (one, jumps) in enumerate(each(prepare, takes, named=lambda take: take.name)):
         measured.append(one)
         notes += jumps
         if report is not None:
