@@ -12,14 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import (
-    as_index,
-    as_list,
-    as_number,
-    check_function,
-    check_kind,
-    check_text,
-)
+from choreograph.core.arguments import as_index, as_list, as_number, check_function, check_kind, check_text
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
@@ -41,9 +34,6 @@ from choreograph.motion.skeleton import Skeleton, roles_of
 if TYPE_CHECKING:
     from choreograph.nets.inference import WordEmbedder
     from choreograph.nets.rollout_poses import PosePredictor
-
-# `Repertoire`, an opened repertoire file with its takes, clips, motions and poses.
-
 
 _HTML_ROWS = 50
 
@@ -169,10 +159,7 @@ class Repertoire:
 
     @property
     def motif_set(self) -> str:
-        """A digest of the motifs that were found together, of which the file has those of its words.
-
-        It is empty without motifs. Repertoires that keep the motifs of another one have its digest.
-        """
+        """A digest of the motifs that were found together, as `shards.motif_set`."""
         return motif_set(self._file)
 
     def word_net(self) -> WordEmbedder:

@@ -250,7 +250,10 @@ def _networks(file: RepertoireFile) -> bytes:
 
 
 def motif_set(file: AnyFile) -> str:
-    """A digest of the motifs that were found together, or empty. A file has those of its own words."""
+    """A digest of the motifs that were found together, of which a file has those of its own words.
+
+    It is empty without motifs. Files that keep the motifs of another one have its digest.
+    """
     if "motifs" not in file.parts:
         return ""
     return str(file.provenance.get("motifs") or digest(file.read("motifs/embeddings")).hex())
