@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import as_index, as_list, as_number, check_function, check_kind, check_text
+from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
@@ -66,10 +66,8 @@ class Repertoire:
         Raises `RepertoireError` if one is missing, damaged, of another version, or does not fit the others,
         `ParameterError` if `path` is not a path.
         """
-        if isinstance(path, str | Path):
-            path = [path]
-        given = [as_path("a repertoire file", p) for p in as_list("repertoires", path, "path", str | Path)]
-        return cls(open_files(given))
+        given = path if isinstance(path, list | tuple) else [path]
+        return cls(open_files([as_path("a repertoire file", one) for one in given]))
 
     def verify(self, report: Callable[[int, int], None] | None = None) -> None:
         """Read the whole file and compare every block with its checksum.

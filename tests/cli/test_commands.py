@@ -184,9 +184,10 @@ def test_a_file_that_is_no_repertoire_is_refused(tmp_path, song, db):
     version.write_bytes(db.read_bytes())
     with h5py.File(version, "a") as file:
         file.attrs["version"] = 99
+    (tmp_path / "empty").mkdir()
     for path, says in (
         (tmp_path / "none.h5", "no such"),
-        (tmp_path, "folder"),
+        (tmp_path / "empty", "expected repertoire files (.h5) in this folder"),
         (cut, "truncated"),
         (text, "HDF5"),
         (other, "another kind"),

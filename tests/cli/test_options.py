@@ -72,7 +72,8 @@ def test_the_options_to_repeat_are_few():
         ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
         ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
         ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
-        ("study write", "--only"), ("study write", "--variants"),
+        ("study write", "--only"), ("study write", "--variants"), ("dance", "--db"), ("evaluate", "--db"),
+        ("study write", "--db"),
     }  # fmt: skip
 
 
