@@ -6,6 +6,7 @@ A public name that `sound_calls` does not know how to call fails: add it there.
 from __future__ import annotations
 
 import inspect
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
@@ -232,7 +233,8 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
             cg.build, sources=t.folder / "empty", output="rep.h5", preset="tiny", pretrained="nothing"
         ),
         "change_takes": sound(
-            cg.change_takes, repertoire=t.repertoire.path, remove=["take1"], output="changed.h5"
+            cg.change_takes, remove=["take1"], output="changed.h5",
+            repertoire=shutil.copy(t.repertoire.path, t.folder / "changing.h5"),  # which it replaces
         ),
         "dance": Sound(dance, {"candidates": 4}, too_long=(("repertoire", "None"),)),
         "dance:keep": Sound(

@@ -40,7 +40,7 @@ def as_repertoire(repertoire: object) -> Repertoire:
 
     Raises `ParameterError` unless given one, a path, or a list of paths.
     """
-    if repertoire is None or repertoire == ():
+    if repertoire is None or (isinstance(repertoire, tuple) and not repertoire):
         return starter_repertoire()
     if isinstance(repertoire, Repertoire):
         return repertoire
