@@ -4,6 +4,9 @@ from .choreography.constraints import Ban as Ban
 from .choreography.constraints import Keep as Keep
 from .choreography.constraints import MotifPin as MotifPin
 from .choreography.constraints import TakePin as TakePin
+from .choreography.edits import Repeat as Repeat
+from .choreography.edits import Swap as Swap
+from .choreography.edits import Vary as Vary
 from .choreography.graph.cost import Cost as Cost
 from .choreography.graph.layers import Layer as Layer
 from .core import __version__ as __version__
@@ -33,10 +36,12 @@ from .motion.skeleton import Skeleton as Skeleton
 from .music.song import Song as Song
 from .music.song import load_song as load_song
 from .music.song_features import SongFeatures as SongFeatures
+from .pipeline.alternatives import Alternative as Alternative
 from .pipeline.building import build as build
 from .pipeline.changing import change_takes as change_takes
 from .pipeline.dancing import Dance as Dance
 from .pipeline.dancing import dance as dance
+from .pipeline.editing import edit as edit
 from .pipeline.rollout_stream import RolloutFrame as RolloutFrame
 from .pipeline.rollout_stream import RolloutStream as RolloutStream
 from .pipeline.session import Session as Session
@@ -48,6 +53,7 @@ from .render.rendering import render as render
 from .settings import DanceConfig as DanceConfig
 
 __all__ = [
+    "Alternative",
     "Ban",
     "BuildOptions",
     "BuildResult",
@@ -67,6 +73,7 @@ __all__ = [
     "NoPathError",
     "ParameterError",
     "Plan",
+    "Repeat",
     "Repertoire",
     "RepertoireError",
     "RolloutFrame",
@@ -75,13 +82,16 @@ __all__ = [
     "Skeleton",
     "Song",
     "SongFeatures",
+    "Swap",
     "Take",
     "TakePin",
+    "Vary",
     "__version__",
     "build",
     "change_takes",
     "coverage",
     "dance",
+    "edit",
     "evaluate",
     "example_songs",
     "lint",

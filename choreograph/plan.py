@@ -7,82 +7,40 @@ import re
 import reprlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from choreograph.core.arguments import fields_of_json
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
 from choreograph.core.progress import counted
-from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
-from choreograph.motion.motion import Credits
+from choreograph.plan_parts import (
+    AGAIN,
+    TOUCH_S,
+    Block,
+    PlannedEdit,
+    PlannedSecond,
+    PlannedWord,
+    faults_of_edit,
+    faults_of_word,
+    fields_of_entry,
+    overlaid,
+    read_edit,
+    read_second,
+    read_word,
+    second_block,
+    word_block,
+)
 from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-plan"
 VERSION = 1
-_AGAIN = "make it again with `choreograph dance SONG -o plan.json`"
 _SETTINGS = ("planner", "blending", "stage", "front", "fps", "seed")  # of a plan, named as in `DanceConfig`
 _ENGINE_NAME = re.compile("[a-z][a-z0-9_-]*")  # of an engine that need not be installed
 AMPLITUDES = 0.5, 1.5  # the least and the greatest of a plan, which may be edited
 SHORTEST_STOP_S = 1.0  # and the least time from one stop to the next
-_TOUCH_S = 1e-3  # largest distance between words without a gap
-
-
-@dataclass(frozen=True)
-class PlannedSecond:
-    """One node of the dance."""
-
-    second: int  # of the dance, from 0
-    take: str  # name of the take that is danced
-    clip: int  # index in the repertoire
-    clip_start_s: float  # in the take
-    segment_second: int  # the second at which its warped segment was inserted into the graph
-    offset: int  # 0 … 3, quarter of that segment
-    source_times_s: tuple[float, ...]  # 21 times of the take, at the 20 fps frames and the second's end
-    start_s: float  # when it replaces another take, near `second`, or `second` within a take
-    transition_s: float  # length of that transition, to each side if inertial, in all if linear
-    costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
-    credits: Credits  # of the take
-
-
-@dataclass(frozen=True)
-class PlannedWord:
-    """One motion word of the dance, from beat to beat, at constant speed."""
-
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    motif: int  # the planned motif, or 0 where a part of another dance is kept
-    take: str  # empty if a network dances it, or if it is kept from another dance
-    source_start_s: float  # in the take
-    source_end_s: float  # in the take
-    credits: Credits  # of the take
-    pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
-    kept: str = ""  # the dance that this is a part of, if it is kept. Source times are then of that dance
-
-
-@dataclass(frozen=True)
-class Block:
-    """One part of one take, and its time in the dance."""
-
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    source_start_s: float  # in the take
-    source_end_s: float  # in the take
-    planned: PlannedSecond | PlannedWord  # the entry of the plan that it belongs to
-
-    @property
-    def kept(self) -> str:
-        """The dance from which it is kept, or empty if it is not kept."""
-        return self.planned.kept if isinstance(self.planned, PlannedWord) else ""
-
-    @property
-    def source(self) -> str:
-        """The take that is danced, or the dance from which it is kept, or empty if a network dances."""
-        return self.kept or self.planned.take
 
 
 @dataclass(frozen=True)
@@ -90,8 +48,9 @@ class Plan:
     """The decisions of a whole dance, which `choreograph dance --plan` renders again.
 
     The graph engine plans seconds, and words only where motifs are pinned or banned. These words replace the
-    seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. A part
-    that is kept from another dance is also a word, of any length. Engines of other packages plan either kind.
+    seconds there. The mixer and the rollout engine plan words only, from start to end without a gap. Engines
+    of other packages plan either kind. The plan of a dance that is known only as a motion file is one word,
+    which keeps this file. Edits replace parts of all these, one after the other.
 
     Examples
     --------
@@ -125,10 +84,11 @@ class Plan:
     amplitudes: tuple[float, ...] = ()  # of each second, 1 for the size of the takes, or none if all are 1
     stops_s: tuple[tuple[float, float], ...] = ()  # from when it stands still, until when it moves again
     front: str = "audience"  # to which rotations at transitions bring the dancer back, or "free" for none
+    edits: tuple[PlannedEdit, ...] = ()  # changes of parts of the dance, each after those before it
 
     def __repr__(self) -> str:
-        kinds = ((self.seconds, "second"), (self.words, "word"))
-        parts = ", ".join(counted(len(danced), one) for danced, one in kinds if danced)
+        kinds = ((self.seconds, "second"), (self.words, "word"), (self.edits, "edit"))
+        parts = ", ".join(counted(len(planned), one) for planned, one in kinds if planned)
         song = reprlib.repr(self.song)
         return (
             f"<Plan of a dance to {song}: {self.duration_s:.1f} s, {self.engine} engine, {parts or 'empty'}>"
@@ -147,7 +107,7 @@ class Plan:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The parts of the dance in order: the words, and the seconds where there is no word.
+        """The parts of the dance in order: edits, words where nothing is edited, and seconds elsewhere.
 
         The first part includes the held first pose, and the last part the held last pose.
         """
@@ -161,12 +121,24 @@ class Plan:
     @property
     def planned_blocks(self) -> tuple[Block, ...]:
         """As `blocks`, with the parts planned for the time in which poses are held."""
-        blocks = [Block(w.start_s, w.end_s, w.source_start_s, w.source_end_s, w) for w in self.words]
+        blocks: list[Block] = list(self._blocks_without_edits)
+        for edit in self.edits:
+            blocks = overlaid(blocks, edit.words)
+        return tuple(blocks)
+
+    @property
+    def _blocks_without_edits(self) -> list[Block]:
         start_s = np.array([second.start_s for second in self.seconds])
         bounds_s = np.minimum(np.maximum.accumulate([*start_s, self.duration_s]), self.duration_s)
-        for second, span_s in zip(self.seconds, pairwise(bounds_s.tolist()), strict=True):
-            blocks.extend(_unreplaced_blocks(second, span_s, self.words))
-        return tuple(sorted(blocks, key=lambda block: block.start_s))
+        spans_s = pairwise(bounds_s.tolist())
+        seconds = [second_block(second, span_s) for second, span_s in zip(self.seconds, spans_s, strict=True)]
+        return overlaid(seconds, self.words)
+
+    @property
+    def played_blocks(self) -> tuple[Block, ...]:
+        """Every part of a take or a file that is read when the plan is rendered, replaced or not."""
+        edited = [word_block(word) for edit in self.edits for word in edit.words]
+        return (*self._blocks_without_edits, *edited)
 
     @property
     def from_takes(self) -> bool:
@@ -175,22 +147,11 @@ class Plan:
 
     @property
     def kept_of(self) -> str:
-        """The dance of which parts are kept, or empty if none are."""
+        """The motion file that is kept, apart from edits, or empty if none is."""
         return next((word.kept for word in self.words if word.kept), "")
 
-    @property
-    def kept_spans_s(self) -> tuple[tuple[float, float], ...]:
-        """The spans kept from another dance, in order. Spans that touch are joined."""
-        spans: list[tuple[float, float]] = []
-        for word in self.words:
-            if word.kept and spans and word.start_s - spans[-1][1] <= _TOUCH_S:
-                spans[-1] = (spans[-1][0], word.end_s)
-            elif word.kept:
-                spans.append((word.start_s, word.end_s))
-        return tuple(spans)
-
     def takes_s(self) -> dict[str, float]:
-        """Seconds of the dance by take or kept dance, in order of first appearance."""
+        """Seconds of the dance by take or kept file, in order of first appearance."""
         danced: dict[str, float] = {}
         for block in self.blocks:
             danced[block.source] = danced.get(block.source, 0.0) + block.end_s - block.start_s
@@ -198,7 +159,7 @@ class Plan:
 
     @property
     def total_cost(self) -> float:
-        """Sum of all weighted costs of the seconds. Words have no costs."""
+        """Sum of all weighted costs of the seconds, edited or not. Words have no costs."""
         return sum(sum(second.costs.values()) for second in self.seconds)
 
     def to_json(self) -> str:
@@ -226,13 +187,14 @@ class Plan:
 
     @classmethod
     def _of_data(cls, data: dict[str, Any], name: str) -> Plan:
-        for key in ("seconds", "words"):
+        for key in ("seconds", "words", "edits"):
             if not isinstance(data.get(key), list):
                 raise FormatError(f"{name}: expected a list of {key}, got {reprlib.repr(data.get(key))}")
-        known = _fields(cls, data, name, except_for=("seconds", "words"))
-        seconds = tuple(_second(entry, name, index) for index, entry in enumerate(data["seconds"]))
-        words = tuple(_word(entry, f"{name}: word {index}") for index, entry in enumerate(data["words"]))
-        plan = cls(**known, seconds=seconds, words=words)
+        known = fields_of_entry(cls, data, name, except_for=("seconds", "words", "edits"))
+        seconds = tuple(read_second(entry, name, index) for index, entry in enumerate(data["seconds"]))
+        words = tuple(read_word(entry, f"{name}: word {index}") for index, entry in enumerate(data["words"]))
+        edits = tuple(read_edit(entry, f"{name}: edit {index}") for index, entry in enumerate(data["edits"]))
+        plan = cls(**known, seconds=seconds, words=words, edits=edits)
         for fault in plan._faults():
             raise FormatError(f"{name}: {fault}")
         return plan
@@ -270,6 +232,7 @@ class Plan:
             yield f"expected seconds for {self.duration_s} s, got {len(self.seconds)}"
         yield from self._faults_of_dynamics()
         yield from self._faults_of_words()
+        yield from self._faults_of_edits()
 
     def _faults_of_dynamics(self) -> Iterator[str]:
         """Amplitudes out of range or not of every second, and stops that are not in order."""
@@ -289,64 +252,26 @@ class Plan:
 
     def _faults_of_words(self) -> Iterator[str]:
         """Words that are not in order, overlap, or leave gaps that no seconds fill."""
-        longest_gap_s = np.inf if self.seconds else _TOUCH_S
+        longest_gap_s = np.inf if self.seconds else TOUCH_S
         done_s = 0.0
         for index, word in enumerate(self.words):
             where = f"word {index}"
-            if not -_TOUCH_S <= word.start_s - done_s <= longest_gap_s:
+            if not -TOUCH_S <= word.start_s - done_s <= longest_gap_s:
                 yield f"{where}: expected it to begin at {done_s:g} s, got {word.start_s:g} s"
-            if not word.start_s < word.end_s <= self.duration_s + _TOUCH_S:
-                yield (
-                    f"{where}: expected an end after its start, {word.start_s:g} s, and within the dance of "
-                    f"{self.duration_s:g} s, got {word.end_s:g} s"
-                )
-            if word.kept:
-                yield from self._faults_of_kept(word, where)
-            if not (word.take or word.kept) and self.engine in ("graph", "mixer"):
-                yield f"{where}: expected a take for the {self.engine} engine to dance, got none"
-            if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:
-                yield (
-                    f"{where}: expected 0 <= source_start_s < source_end_s, got {word.source_start_s:g} and "
-                    f"{word.source_end_s:g}"
-                )
+            if word.end_s > self.duration_s + TOUCH_S:
+                yield f"{where}: expected an end within {self.duration_s:g} s, got {word.end_s:g} s"
+            networks = self.engine not in ("graph", "mixer")
+            yield from (f"{where}: {fault}" for fault in faults_of_word(word, networks=networks))
             done_s = word.end_s
-        if not self.seconds and done_s < self.duration_s - _TOUCH_S:
+        if not self.seconds and done_s < self.duration_s - TOUCH_S:
             yield f"expected words until {self.duration_s:g} s, got words until {done_s:g} s"
 
-    def _faults_of_kept(self, word: PlannedWord, where: str) -> Iterator[str]:
-        if word.take:
-            yield f"{where}: expected no take where {word.kept} is kept, got {word.take!r}"
-        if word.kept != self.kept_of:
-            yield f"{where}: expected kept parts of {self.kept_of} only, got {word.kept!r}"
-        if abs(word.source_start_s - word.start_s) > _TOUCH_S:
-            yield (
-                f"{where}: expected {word.kept} kept where it is danced, at {word.start_s:g} s, got its part "
-                f"from {word.source_start_s:g} s on"
-            )
-
-
-def _unreplaced_blocks(
-    second: PlannedSecond, span_s: tuple[float, float], words: tuple[PlannedWord, ...]
-) -> list[Block]:
-    """The parts of a second's span that no word replaces."""
-    start_s, end_s = span_s
-    covers = [(w.start_s, w.end_s) for w in words if w.end_s > start_s and w.start_s < end_s]
-    blocks = []
-    for cover in (*covers, (end_s, end_s)):
-        if cover[0] > start_s:
-            first_s, last_s = _source_s(second, start_s), _source_s(second, cover[0])
-            blocks.append(Block(start_s, cover[0], first_s, last_s, second))
-        start_s = max(start_s, cover[1])
-    return blocks
-
-
-def _source_s(second: PlannedSecond, at_s: float) -> float:
-    """The source time at a time of the dance. Beyond the second, the speed at its end continues."""
-    times_s = np.array(second.source_times_s)
-    frame = (at_s - second.second) * NODE_FRAMES
-    inside = float(np.interp(frame, np.arange(len(times_s)), times_s))
-    before, beyond = min(frame, 0.0), max(frame - NODE_FRAMES, 0.0)
-    return float(inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2]))
+    def _faults_of_edits(self) -> Iterator[str]:
+        """Faults of edits, and a motion file that is not kept as a whole."""
+        for index, edit in enumerate(self.edits):
+            yield from (f"edit {index}: {fault}" for fault in faults_of_edit(edit, self.duration_s))
+        if self.kept_of and (self.seconds or len(self.words) != 1):
+            yield f"expected {self.kept_of} kept as one word, and no seconds, got others beside it"
 
 
 def _of_this_version(data: Any, name: str) -> dict[str, Any]:
@@ -356,35 +281,5 @@ def _of_this_version(data: Any, name: str) -> dict[str, Any]:
     version = data.get("version")
     if version != VERSION or isinstance(version, bool):
         got = reprlib.repr(version)
-        raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got version {got}: {_AGAIN}")
+        raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got version {got}: {AGAIN}")
     return {key: value for key, value in data.items() if key not in ("format", "version")}
-
-
-_fields = partial(fields_of_json, missing=_AGAIN)
-
-
-def _second(entry: Any, name: str, index: int) -> PlannedSecond:
-    where = f"{name}: second {index}"
-    known = _fields(PlannedSecond, entry, where, except_for=("credits",))
-    times = known["source_times_s"]
-    if len(times) != NODE_FRAMES + 1 or not (np.diff(times) > 0).all():
-        raise FormatError(
-            f"{where}: expected {NODE_FRAMES + 1} increasing source_times_s, got {reprlib.repr(times)}"
-        )
-    if known["second"] != index:
-        raise FormatError(f"{where}: expected seconds 0, 1, 2, … in order, got {known['second']}")
-    if abs(known["start_s"] - index) > 1:
-        raise FormatError(f"{where}: expected start_s within a second of {index}, got {known['start_s']}")
-    if not 0 < known["transition_s"] <= 1:
-        raise FormatError(f"{where}: expected transition_s above 0, at most 1, got {known['transition_s']}")
-    if known["offset"] >= SEGMENT_S or known["clip_start_s"] < 0:
-        raise FormatError(
-            f"{where}: expected an offset below {SEGMENT_S} and a clip_start_s of 0 or more, got "
-            f"{known['offset']} and {known['clip_start_s']}"
-        )
-    return PlannedSecond(**known, credits=Credits(**_fields(Credits, entry.get("credits"), where)))
-
-
-def _word(entry: Any, where: str) -> PlannedWord:
-    known = _fields(PlannedWord, entry, where, except_for=("credits",))
-    return PlannedWord(**known, credits=Credits(**_fields(Credits, entry.get("credits"), where)))

@@ -22,8 +22,9 @@ from choreograph.music.count_grids import SongGrid, steady_times_s
 from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
 from choreograph.music.song import Song
+from choreograph.render.assembly import assemble
 from choreograph.render.held_poses import hold_ends
-from choreograph.render.rendering import assemble, lock_feet_at_joins
+from choreograph.render.rendering import lock_feet_at_joins
 from choreograph.render.runs import MotionReader, Run, with_transitions
 from choreograph.render.transitions import time_transitions
 

@@ -10,7 +10,8 @@ import soundfile
 from synthetic_motions import swaying
 
 from choreograph.motion.motion import Credits, Motion
-from choreograph.plan import Plan, PlannedSecond
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedSecond
 from choreograph.view.page import write_page
 
 TAKES = ("anna-waltz", "ben-house", "cleo-salsa")

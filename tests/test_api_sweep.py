@@ -131,6 +131,9 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
     """The calls of classes and of their methods, but for `sound_layers`."""
     motion, skeleton, stream = t.motion, t.motion.skeleton, t.stream
     return {
+        "Alternative": sound(
+            cg.Alternative, dance=t.made, start_s=1.0, end_s=2.0, costs={"joins": 0.5}, why="another take"
+        ),
         "Ban": sound(cg.Ban, genre="a"),
         "BuildOptions": sound(cg.BuildOptions),
         "BuildResult": sound(cg.BuildResult, repertoire=t.repertoire, notes=()),
@@ -159,6 +162,7 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Plan": sound(cg.Plan, **values_of(t.made.plan)),
         "Plan.from_json": sound(cg.Plan.from_json, text=t.made.plan.to_json()),
         "Plan.read": sound(cg.Plan.read, path=t.folder / "made.json"),
+        "Repeat": sound(cg.Repeat, start_s=0.0, end_s=1.0, at_s=2.0, mirrored=True),
         "Repertoire": sound(cg.Repertoire, file=t.repertoire._file),
         "Repertoire.body_pos_m": sound(t.repertoire.body_pos_m, take=0),
         "Repertoire.clip_motion_beats": sound(t.repertoire.clip_motion_beats, clip=0),
@@ -187,14 +191,19 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
             too_long=(("repertoire", "None"),),
         ),
         "Session.dance": sound(cg.Session(t.song, t.repertoire).dance, engine="mixer", seed=1, genre=None),
+        "Session.alternatives": sound(
+            cg.Session(t.song, t.repertoire).alternatives, span=(1.0, 3.0), n=1, existing=t.made
+        ),
         "Skeleton": sound(cg.Skeleton, **values_of(skeleton)),
         "Skeleton.index": sound(skeleton.index, name="head"),
         "Skeleton.order_of": sound(skeleton.order_of, other=skeleton),
         "Skeleton.same_as": sound(skeleton.same_as, other=skeleton),
         "Song": sound(cg.Song, samples=np.zeros(100), name="quiet"),
         "Song.part": sound(t.song.part, start_s=0.5),
+        "Swap": sound(cg.Swap, start_s=0.0, end_s=1.0),
         "Take": sound(cg.Take, **values_of(t.take)),
         "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
+        "Vary": sound(cg.Vary, start_s=0.0, end_s=1.0),
     }  # fmt: skip
 
 
@@ -243,6 +252,9 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
         "dance:mixer": Sound(dance, {"engine": "mixer"}, ("planner", "blending", *follow)),
         "dance:rollout": Sound(
             dance, {"engine": "rollout"}, ("style_song", "style_strength", "style_window", *follow)
+        ),
+        "edit": sound(
+            cg.edit, existing=t.made, edits=[cg.Swap(1.0, 2.0)], repertoire=t.repertoire, song=t.song, seed=1
         ),
         "evaluate": sound(cg.evaluate, motion=t.motion, song=t.song),
         "lint": sound(cg.lint, repertoire=t.repertoire),

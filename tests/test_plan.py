@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import FormatError
 from choreograph.motion.motion import Credits
-from choreograph.plan import Plan, PlannedSecond, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedEdit, PlannedSecond, PlannedWord
 from choreograph.settings import EngineName, Planner
 
 SCHEMA = json.loads(
@@ -60,19 +61,55 @@ MIXED = replace(PLAN, engine="mixer", seconds=(), words=(word(0.0, 0.75), word(0
 ROLLED = replace(PLAN, engine="rollout", seconds=(), words=(word(0, 1, take=""), word(1, 2.5, take="")))
 
 
+EDIT = PlannedEdit(0.6, 1.6, "swap 0.6-1.6", (word(0.6, 1.0), replace(word(1.0, 1.6), mirrored=True)))
+
+
+@pytest.mark.parametrize("plan", [PINNED, MIXED, ROLLED], ids=lambda plan: plan.engine)
+def test_edits_round_trip_and_replace_what_was_planned(plan):
+    edited = replace(plan, edits=(EDIT, replace(EDIT, start_s=1.0, words=EDIT.words[1:])))
+    assert Plan.from_json(edited.to_json()) == edited
+    jsonschema.validate(json.loads(edited.to_json()), SCHEMA)
+    blocks = edited.blocks
+    assert blocks[0].start_s == 0.0 and blocks[-1].end_s == 2.5
+    for before, after in pairwise(blocks):
+        assert before.end_s == pytest.approx(after.start_s)
+    inside = [block for block in blocks if 0.6 <= block.start_s < 1.6]
+    assert [block.planned for block in inside] == list(EDIT.words)
+    for block in (b for b in blocks if not 0.5 < b.start_s < 1.6):  # what is left of a part keeps its times
+        (whole,) = [b for b in plan.blocks if b.start_s <= block.start_s and b.end_s >= block.end_s]
+        assert block.source_end_s == pytest.approx(whole.source_s(block.end_s))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"start_s": 1.6}, "edit 0: expected a start before its end"),
+        ({"end_s": 3.0}, "within the dance of 2.5 s"),
+        ({"words": ()}, "expected words until 1.6 s, got words until 0.6 s"),
+        ({"words": EDIT.words[1:]}, "expected a word from 0.6 s on, got one from 1 s on"),
+        ({"words": (replace(EDIT.words[0], kept="a.npz", take=""), EDIT.words[1])}, "got a part of a.npz"),
+    ],
+)
+def test_edits_that_cannot_be_danced_are_refused(change, said):
+    with pytest.raises(FormatError, match=re.escape(said)):
+        Plan.from_json(replace(PLAN, edits=(replace(EDIT, **change),)).to_json())
+
+
 @pytest.mark.parametrize("plan", [PINNED, MIXED, ROLLED], ids=lambda plan: plan.engine)
 def test_plans_of_words_round_trip(plan):
     assert Plan.from_json(plan.to_json()) == plan
     jsonschema.validate(json.loads(plan.to_json()), SCHEMA)
 
 
-def test_what_is_kept_of_another_dance_round_trips_in_every_engine():
-    kept = replace(word(0.0, 0.75, take=""), kept="old.npz", source_start_s=0.0, source_end_s=0.75)
-    for plan in (MIXED, ROLLED):
-        rest = word(0.75, 2.5, take=plan.words[0].take)
-        with_kept = replace(plan, words=(kept, rest))
-        assert Plan.from_json(with_kept.to_json()) == with_kept
-        jsonschema.validate(json.loads(with_kept.to_json()), SCHEMA)
+def test_a_motion_file_is_kept_as_one_word():
+    whole = replace(word(0.0, 2.5, take=""), kept="old.npz", source_start_s=0.0, source_end_s=2.5)
+    kept = replace(MIXED, words=(whole,), edits=(EDIT,))
+    assert Plan.from_json(kept.to_json()) == kept and kept.kept_of == "old.npz"
+    assert [block.source for block in kept.blocks] == ["old.npz", "täke", "täke", "old.npz"]
+    jsonschema.validate(json.loads(kept.to_json()), SCHEMA)
+    part = replace(whole, end_s=0.75, source_end_s=0.75)
+    with pytest.raises(FormatError, match=r"expected old\.npz kept as one word"):
+        Plan.from_json(replace(MIXED, words=(part, word(0.75, 2.5))).to_json())
     laid_over = replace(ROLLED, words=(word(0, 1, take=""), word(1, 2.5)))
     assert Plan.from_json(laid_over.to_json()) == laid_over
     with pytest.raises(FormatError, match=r"expected no take where old\.npz is kept"):

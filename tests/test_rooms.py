@@ -14,7 +14,16 @@ import pytest
 
 PACKAGE = "choreograph"
 BELOW_LIBRARY = ("core", "music", "motion", "formats", "nets")
-BELOW_VIEW = (*BELOW_LIBRARY, "characters", "library", "settings", "plan", "render", "choreography")
+BELOW_VIEW = (
+    *BELOW_LIBRARY,
+    "characters",
+    "library",
+    "settings",
+    "plan",
+    "plan_parts",
+    "render",
+    "choreography",
+)
 # What each room, or module at the top, may import beside itself.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
@@ -25,9 +34,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "characters": ("core", "motion", "formats"),
     "library": BELOW_LIBRARY,
     "settings": (*BELOW_LIBRARY, "library"),
-    "plan": (*BELOW_LIBRARY, "library", "settings"),
-    "render": (*BELOW_LIBRARY, "library", "settings", "plan"),
-    "choreography": (*BELOW_LIBRARY, "library", "settings", "plan", "render"),
+    "plan_parts": ("core", "motion"),
+    "plan": (*BELOW_LIBRARY, "library", "settings", "plan_parts"),
+    "render": (*BELOW_LIBRARY, "library", "settings", "plan", "plan_parts"),
+    "choreography": (*BELOW_LIBRARY, "library", "settings", "plan", "plan_parts", "render"),
     "view": BELOW_VIEW,
     "pipeline": (*BELOW_VIEW, "view"),
     "evaluation": (*BELOW_VIEW, "view", "pipeline"),

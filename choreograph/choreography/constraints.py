@@ -54,7 +54,7 @@ class MotifPin:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        _check_times(self, "at_s")
+        check_times(self, "at_s")
         _check_motif(self)
 
     def __str__(self) -> str:
@@ -89,7 +89,7 @@ class TakePin:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        _check_times(self, "start_s", "end_s")
+        check_times(self, "start_s", "end_s")
         _check_names(self, "take")
 
     def __str__(self) -> str:
@@ -123,7 +123,7 @@ class Keep:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        _check_times(self, "start_s", "end_s")
+        check_times(self, "start_s", "end_s")
 
     def __str__(self) -> str:
         return f"{self.start_s:g}-{self.end_s:g}"
@@ -168,7 +168,8 @@ class Ban:
         return f"{kind}:{name}"
 
 
-def _check_times(constraint: object, *names: str) -> None:
+def check_times(constraint: object, *names: str) -> None:
+    """Raise `ParameterError` unless the fields of these names are numbers."""
     for name in names:
         if not is_number(getattr(constraint, name)):
             raise unexpected(f"{name} of a {type(constraint).__name__} in seconds", getattr(constraint, name))
@@ -265,12 +266,12 @@ def parse_pin(text: str) -> Pin:
     raise ParameterError(f"expected --pin SECOND=motif:NUMBER or FROM-TO=take:NAME, got {text!r}")
 
 
-def parse_keep(text: str) -> Keep:
-    """The span in `12.5-30` or `0:12.5-0:30`. Raises `ParameterError` for other text."""
+def parse_keep(text: str, option: str = "--keep") -> Keep:
+    """The span in `12.5-30` or `0:12.5-0:30` of an option. Raises `ParameterError` for other text."""
     span = re.fullmatch(rf"({_TIME})-({_TIME})", text)
     if span:
         return Keep(parse_seconds(span[1]), parse_seconds(span[2]))
-    raise ParameterError(f"expected --keep FROM-TO, such as 12.5-30 or 0:12.5-0:30, got {text!r}")
+    raise ParameterError(f"expected {option} FROM-TO, such as 12.5-30 or 0:12.5-0:30, got {text!r}")
 
 
 def parse_ban(text: str) -> Ban:

@@ -27,7 +27,8 @@ from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_fra
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedWord
 
 # The motif of each word of a rendered motion.
 

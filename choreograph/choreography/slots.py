@@ -47,6 +47,7 @@ class KeptDance:
     """A dance of which some parts are kept. The gaps between them are planned again."""
 
     motion: Motion  # (T frames) the whole dance, at the rate of the new one
+    duration_s: float  # of the new dance, which may be a few frames shorter or longer
     stretches: tuple[Keep, ...]  # in order, disjoint
     name: str  # of its file, for the plan
     plan: Plan | None = None  # of the whole dance, if it is known
@@ -57,6 +58,14 @@ class KeptDance:
         """Each stretch as its first frame, and the one after its last."""
         spans_s = [(keep.start_s, keep.end_s) for keep in self.stretches]
         return stretch_frames(spans_s, self.motion.fps, self.motion.n_frames)
+
+    @property
+    def gaps_s(self) -> list[tuple[float, float]]:
+        """The spans that are planned again, in order."""
+        borders_s = [s for keep in self.stretches for s in (keep.start_s, keep.end_s)]
+        times_s = [0.0, *(min(s, self.duration_s) for s in borders_s), self.duration_s]
+        pairs = zip(times_s[::2], times_s[1::2], strict=True)
+        return [(start_s, end_s) for start_s, end_s in pairs if end_s - start_s > _TOUCH_S]
 
     def keeps(self, start_s: float, end_s: float) -> bool:
         """Whether any part of a span is kept."""
@@ -98,7 +107,7 @@ def kept_dance(
             f"expected gaps of {SHORTEST_GAP_S:g} s or more between what is kept, got one of {short[0]:.2f} "
             "s: keep less, or all of it"
         )
-    return KeptDance(motion, tuple(stretches), name, plan, notes)
+    return KeptDance(motion, duration_s, tuple(stretches), name, plan, notes)
 
 
 def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], tuple[str, ...]]:
@@ -175,7 +184,7 @@ def resolve(
     n_motifs = repertoire.vocabulary.n_motifs if constraints.need_motifs or repertoire.has_vocabulary else 0
     if constraints.genre is not None:
         repertoire.vocabulary.genre_index(constraints.genre)
-    take_allowed, motif_banned = _bans(constraints, repertoire, n_motifs)
+    take_allowed, motif_banned = resolve_bans(constraints, repertoire, n_motifs)
     take_wanted = material.takes_at(bounds_s[:-1], take_allowed)
     given = [_checked_motif(motif, n_motifs) for motif in constraints.motifs]
     first_given = _first_slot(given, repertoire, bar_positions(bounds_s[:-1], material.counts), take_wanted)
@@ -234,7 +243,7 @@ def _first_slot(
     return int(np.argmax(shares))
 
 
-def _bans(
+def resolve_bans(
     constraints: Constraints, repertoire: Repertoire, n_motifs: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Takes that may be danced, and motifs that may not."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,7 +48,7 @@ Maker = Callable[[Job, "ProgressReport"], "list[Dance]"]
         "choreograph dance song.mp3 --start 30 --duration 20 --weight transition=8",
         "choreograph dance song.mp3 --engine mixer --genre waltz --set planner=greedy",
         "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
-        "choreograph dance song.mp3 --existing a.bvh --keep 0-12 --keep 20-40   plans 12 to 20 s again",
+        "choreograph dance song.mp3 --existing a.json --swap 'bar 9-bar 13'   keeps all other bars",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh     renders an edited plan",
     ),
 )
@@ -83,7 +83,7 @@ def command(
     if plan_path is not None:
         make = _renderer(plan_path, songs, repertoire, asked.existing)
     else:
-        make = _maker(asked, repertoire, variations)
+        make = _maker(asked, repertoire, variations, jobs)
 
     def dances_of(job: Job, report: ProgressReport) -> list[Dance]:
         made = make(job, report)
@@ -108,14 +108,24 @@ def command(
         click.launch(page.resolve().as_uri())
 
 
-def _maker(asked: DanceOptions, repertoire: Repertoire, variations: int | None) -> Maker:
-    """Make the dance of a job, or several variations of it."""
+def _maker(asked: DanceOptions, repertoire: Repertoire, variations: int | None, jobs: Sequence[Job]) -> Maker:
+    """Make the dance of a job, or several variations of it, or edit an existing dance."""
     import choreograph as cg
 
-    arguments = asked.arguments(repertoire)
+    existing = asked.existing
+    if asked.edits_dance and existing is not None:
+        if len(jobs) > 1:
+            raise ParameterError(f"expected one SONG for the edits of a dance, got {len(jobs)}")
+        edits = asked.edits(asked.times(jobs[0].song, repertoire))
+        seed = asked.seed or 0
+        return lambda job, report: [
+            cg.edit(existing, edits, repertoire, song=job.song, seed=seed, report=report)
+        ]
+    first = asked.arguments(repertoire, asked.times(jobs[0].song, repertoire))  # reports errors early
 
     def make(job: Job, report: ProgressReport) -> list[Dance]:
-        given: DanceArguments = {**arguments, "report": report}
+        own = first if job is jobs[0] else asked.arguments(repertoire, asked.times(job.song, repertoire))
+        given: DanceArguments = {**own, "report": report}
         if variations is None:
             return [cg.dance(job.song, repertoire, **given)]
         return cg.vary(job.song, repertoire, variations, **given)

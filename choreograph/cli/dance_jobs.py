@@ -243,7 +243,8 @@ def _summary(plan: Plan, outputs: Outputs) -> str:
     sources += sorted({block.kept for block in plan.blocks if block.kept})
     of = " and ".join(sources)
     n_words = sum(not word.kept for word in plan.words)
-    words = f", {counted(n_words, 'motion word')}" if n_words else ""
+    counts = ((n_words, "motion word"), (len(plan.edits), "edit"))
+    words = "".join(f", {counted(n, what)}" for n, what in counts if n)
     return (
         f"{', '.join(str(path) for path in outputs)}: {plan.duration_s:.1f} s from {of}, "
         f"{len(plan.music_beats_s)} music beats{words}"

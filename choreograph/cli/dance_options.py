@@ -16,10 +16,12 @@ from click_option_group import GroupedOption, optgroup
 
 from choreograph.cli.characters import NAMINGS, RESTS, UNITS
 from choreograph.cli.present import Seconds, given_options, given_settings
+from choreograph.cli.times import SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
 
 if TYPE_CHECKING:
+    from choreograph.choreography.edits import EditRequest
     from choreograph.formats.bvh import Naming, RestPose
     from choreograph.library.repertoire import Repertoire
     from choreograph.pipeline.dancing import DanceArguments
@@ -40,7 +42,8 @@ _SOURCES = (
         help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
     ),
     optgroup.option(
-        "--start", cls=_Planned, type=Seconds(), help="Where in the song to begin: 75.5 or 1:15.5 (0)."
+        "--start", cls=_Planned, type=SongTime(),
+        help="Where in the song to begin: 75.5, 1:15.5, bar 9 or chorus 2 (0).",
     ),
     optgroup.option(
         "--duration", cls=_Planned, type=Seconds(), help="Length of the dance. Default: to the song's end."
@@ -65,18 +68,32 @@ _CONSTRAINTS = (
     ),
     optgroup.option(
         "--pin", cls=_Planned, multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
-        help="Dance this motif or take at this time. Repeatable.",
+        help="Dance this motif or take at this time. Repeatable, as the next five.",
     ),
     optgroup.option(
         "--ban", cls=_Planned, multiple=True, metavar="take:NAME|genre:NAME|motif:N",
-        help="Never dance this. Repeatable.",
+        help="Never dance this.",
     ),
     optgroup.option(
         "--keep", cls=_Planned, multiple=True, metavar="FROM-TO",
-        help="Keep these seconds of the --existing dance, and plan the rest again. Repeatable.",
+        help="Keep this part of the existing dance, and plan the rest again.",
     ),
     optgroup.option(
-        "--existing", type=_FILE, help="The dance to keep parts of: .bvh, .npz or a plan (.json)."
+        "--swap", cls=_Planned, multiple=True, metavar="FROM-TO",
+        help="Dance something else in this part of the existing dance.",
+    ),
+    optgroup.option(
+        "--vary", cls=_Planned, multiple=True, metavar="FROM-TO",
+        help="Dance something similar in this part of the existing dance.",
+    ),
+    optgroup.option(
+        "--repeat", cls=_Planned, multiple=True, metavar="FROM-TO@TIME[=mirror]",
+        help="Dance this part of the existing dance, or its mirror image, again at a time.",
+    ),
+    optgroup.option(
+        "--existing", type=_FILE,
+        help="The dance to edit or to keep parts of: .bvh, .npz or a plan. Without --keep, pins and bans "
+        "change only their time.",
     ),
     optgroup.option(
         "--strict", cls=_Planned, is_flag=True,
@@ -200,7 +217,7 @@ class FileOptions:
 class DanceOptions:
     """The options of the planning."""
 
-    start: float | None
+    start: float | str | None
     duration: float | None
     beats: str | None
     genre: str | None
@@ -209,6 +226,9 @@ class DanceOptions:
     pin: tuple[str, ...]
     ban: tuple[str, ...]
     keep: tuple[str, ...]
+    swap: tuple[str, ...]
+    vary: tuple[str, ...]
+    repeat: tuple[str, ...]
     existing: Path | None
     engine: str | None
     seed: int | None
@@ -217,23 +237,64 @@ class DanceOptions:
     assigned: tuple[str, ...]
     config: str | None
 
-    def arguments(self, repertoire: Repertoire) -> DanceArguments:
-        """The keywords of `dance`.
+    @property
+    def edits_dance(self) -> bool:
+        """Whether an existing dance is edited. Raises `ParameterError` for options that contradict this."""
+        named = {"--swap": self.swap, "--vary": self.vary, "--repeat": self.repeat}
+        asked = [name for name, given in named.items() if given]
+        if asked and (self.existing is None or self.keep):
+            other = "--keep" if self.keep else "no --existing"
+            raise ParameterError(
+                f"expected --existing FILE beside {asked[0]}, and no --keep, since an edit keeps the rest, "
+                f"got {other}"
+            )
+        if self.existing is None or self.keep or not (asked or self.pin or self.ban):
+            return False
+        used = ("--pin", "--ban", "--swap", "--vary", "--repeat", "--existing", "--seed", "--strict")
+        unused = [name for name in given_options(of_kind=_Planned) if name not in used]
+        if unused:
+            raise ParameterError(
+                f"expected no {unused[0]} for an edit of an existing dance, which has its own settings: "
+                "leave it out, or give the parts to --keep"
+            )
+        return True
+
+    def edits(self, times: SongTimes) -> list[EditRequest]:
+        """The edits of an existing dance. Raises `ParameterError` for text that is none."""
+        from choreograph.choreography.constraints import parse_ban, parse_pin
+        from choreograph.choreography.edits import parse_repeat, parse_swap, parse_vary
+
+        def read(given: tuple[str, ...], parse: Callable[[str], EditRequest]) -> list[EditRequest]:
+            return [parse(text) for text in times.texts(given, None, None)]
+
+        return [
+            *map(parse_ban, self.ban), *read(self.swap, parse_swap), *read(self.vary, parse_vary),
+            *read(self.repeat, parse_repeat), *read(self.pin, parse_pin),
+        ]  # fmt: skip
+
+    def times(self, song: Path, repertoire: Repertoire) -> SongTimes:
+        """The places of a song that options may name."""
+        return SongTimes(song, repertoire, genre=self.genre, beats=self.beats, existing=self.existing)
+
+    def arguments(self, repertoire: Repertoire, times: SongTimes) -> DanceArguments:
+        """The keywords of `dance`. `times` are those of the song.
 
         Raises `ParameterError` for text that is not a constraint, setting or weight, and `FormatError` for a
         file that cannot be read.
         """
         from choreograph.choreography.constraints import parse_ban, parse_keep, parse_pin, read_signature
 
+        start_s = times.start_s(self.start)
+        pins, keep = (times.texts(given, start_s, self.duration) for given in (self.pin, self.keep))
         arguments: dict[str, Any] = {
             "genre": self.genre,
             "signature": read_signature(self.signature) if self.signature else None,
             "motifs": _motifs(self.motifs, repertoire) if self.motifs else (),
-            "pins": tuple(parse_pin(text) for text in self.pin),
+            "pins": tuple(parse_pin(text) for text in pins),
             "bans": tuple(parse_ban(text) for text in self.ban),
-            "keep": tuple(parse_keep(text) for text in self.keep),
+            "keep": tuple(parse_keep(text) for text in keep),
             "existing": self.existing,
-            "start_s": self.start,
+            "start_s": start_s,
             "duration_s": self.duration,
             **self._settings(),
         }

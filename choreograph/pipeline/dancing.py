@@ -20,7 +20,7 @@ from choreograph.choreography.engine import DanceRequest, Engine, check_settings
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.material import choose_material, missing_from_plan
-from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance, resolve
+from choreograph.choreography.slots import resolve
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
@@ -37,7 +37,15 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import Song, as_song, check_span
-from choreograph.pipeline.keeping import AvoidRepeating, ExistingDance, fill, read_existing
+from choreograph.pipeline.keeping import (
+    AvoidRepeating,
+    ExistingDance,
+    fill,
+    kept_parts,
+    moved_pins,
+    part_of,
+    read_existing,
+)
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.filled_gaps import Loop, looped
@@ -275,7 +283,7 @@ def dance_with(
         config = replace(config, fps=known.motion.fps)
     engine = engines()[config.engine]
     engine.check(repertoire, config, requested, costs)
-    loaded = _part_of(song, start_s, duration_s, known.plan if known else None)
+    loaded = part_of(song, start_s, duration_s, known.plan if known else None)
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
     with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
@@ -336,7 +344,7 @@ def _danced(
     )  # fmt: skip
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
-    kept = None if kept_of is None else _kept(*kept_of, requested, song_features.duration_s, config)
+    kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
     if kept is not None and kept.plan is not None and "candidates" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(
@@ -350,24 +358,9 @@ def _danced(
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)
-    notes = notes if kept is None else (*notes, *kept.notes)
+    notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
-
-
-def _part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:
-    """The part of a song to dance to. Without start or length, it is that of an existing dance's plan."""
-    begins_s = song.start_s if isinstance(song, Song) else 0.0
-    if existing is not None and start_s is None:
-        start_s = existing.start_s - begins_s
-        if start_s < 0:
-            raise ParameterError(
-                f"expected a song from {existing.start_s:g} s of its file on, as in the existing dance, got "
-                f"one from {begins_s:g} s on"
-            )
-    if existing is not None and duration_s is None:
-        duration_s = existing.duration_s
-    return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 
 def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:
@@ -380,21 +373,3 @@ def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire)
     if not isinstance(existing, str | Path):
         raise unexpected("an existing dance as a Dance or a path", existing)
     return read_existing(existing, repertoire)
-
-
-def _kept(
-    existing: ExistingDance,
-    keep: tuple[Keep, ...],
-    requested: Constraints,
-    duration_s: float,
-    config: DanceConfig,
-) -> KeptDance:
-    """The kept parts of an existing dance. Raises `ParameterError` if they do not fit the new dance."""
-    if existing.motion.fps != config.fps:
-        raise ParameterError(
-            f"expected the {existing.motion.fps:g} fps of the existing dance, which is kept as it is, got "
-            f"{config.fps:g}: leave out fps"
-        )
-    kept = kept_dance(existing.motion, keep, duration_s, name=existing.name, plan=existing.plan)
-    check_pins_in_gaps(requested, kept)
-    return kept

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.constraints import Keep
+from choreograph.choreography.constraints import Constraints, Keep
 from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.slots import KeptDance, ResolvedConstraints
+from choreograph.choreography.slots import KeptDance, ResolvedConstraints, check_pins_in_gaps, kept_dance
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import substage
-from choreograph.core.timebase import NET_FPS
+from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.formats.bvh import read_bvh
 from choreograph.formats.npz import read_npz
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
+from choreograph.music.song import Song, as_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedEdit, PlannedWord, words_between
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
-from choreograph.render.rendering import render, render_planned
+from choreograph.render.rendering import render, render_planned, take_motions, with_edit
+from choreograph.settings import DanceConfig
 
 _SAME_S = 0.5  # parts of a take that are nearer look the same
 
@@ -68,65 +71,111 @@ def read_existing(path: str | Path, repertoire: Repertoire) -> ExistingDance:
     Raises `FormatError` if the file cannot be read, `ParameterError` for another suffix or a plan that cannot
     be rendered, `RepertoireError` for a plan of another repertoire.
     """
-    return _read_existing(Path(path), repertoire, ())
+    path = Path(path)
+    if path.suffix.lower() == ".json":
+        plan, motion = render_file(path, repertoire)
+        return ExistingDance(motion, plan, path.name)
+    return ExistingDance(_read_motion(path, "or .json (its plan)"), None, path.name)
 
 
 def render_file(
     path: str | Path, repertoire: Repertoire, existing: str | Path | None = None
 ) -> tuple[Plan, Motion]:
-    """A plan file and its motion, with the dance of which it keeps parts.
+    """A plan file and its motion.
 
-    This dance is `existing`, or a file of the name in the plan beside it. Raises as `read_existing`, and
-    `ParameterError` if this dance is not found, or if `existing` is given and the plan keeps no parts.
+    If the plan keeps a motion file, that is `existing`, or the file of this name beside the plan. Raises as
+    `read_existing`, and `ParameterError` if the motion file is not found, or if `existing` is given and the
+    plan keeps none.
     """
-    return _render_file(Path(path), repertoire, None if existing is None else Path(existing), ())
-
-
-def _render_file(
-    path: Path, repertoire: Repertoire, existing: Path | None, readers: tuple[Path, ...]
-) -> tuple[Plan, Motion]:
-    """As `render_file`. `readers` are the plans that keep parts of this one, directly or not."""
     plan = Plan.read(path)
     if existing is None and plan.kept_of:
-        existing = path.with_name(Path(plan.kept_of).name)
+        existing = Path(path).with_name(Path(plan.kept_of).name)
         if not existing.is_file() or existing.name != plan.kept_of:
             raise ParameterError(
-                f"{path}: expected {plan.kept_of}, of which it keeps parts, in its folder, got no such file: "
-                "give it with --existing"
+                f"{path}: expected {plan.kept_of}, which it keeps, in its folder, got no such file: give it "
+                "with --existing"
             )
     if existing is None:
         return plan, render(plan, repertoire)
-    known = _read_existing(existing, repertoire, (*readers, path.resolve()))
-    return plan, render(plan, repertoire, existing=known.motion)
-
-
-def _read_existing(path: Path, repertoire: Repertoire, readers: tuple[Path, ...]) -> ExistingDance:
-    """As `read_existing`. `readers` are the plans that keep parts of this dance, directly or not."""
-    suffix = path.suffix.lower()
-    if suffix == ".json":
-        if path.resolve() in readers:
-            raise ParameterError(f"{path}: expected a plan that keeps parts of another dance, got its own")
-        plan, motion = _render_file(path, repertoire, None, readers)
-        return ExistingDance(motion, plan, path.name)
-    if suffix == ".bvh":
-        return ExistingDance(read_bvh(path)[0], None, path.name)
-    if suffix == ".npz":
-        return ExistingDance(read_npz(path), None, path.name)
-    raise ParameterError(
-        f"expected an existing dance as .bvh, .npz or .json (its plan), got {reprlib.repr(str(path))}"
+    return plan, render(
+        plan, repertoire, existing=_read_motion(Path(existing), "beside a plan that keeps it")
     )
+
+
+def _read_motion(path: Path, otherwise: str) -> Motion:
+    suffix = path.suffix.lower()
+    if suffix == ".bvh":
+        return read_bvh(path)[0]
+    if suffix == ".npz":
+        return read_npz(path)
+    raise ParameterError(
+        f"expected an existing dance as .bvh, .npz {otherwise}, got {reprlib.repr(str(path))}"
+    )
+
+
+def part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:
+    """The part of a song to dance to. Without start or length, it is that of an existing dance's plan."""
+    begins_s = song.start_s if isinstance(song, Song) else 0.0
+    if existing is not None and start_s is None:
+        start_s = existing.start_s - begins_s
+        if start_s < 0:
+            raise ParameterError(
+                f"expected a song from {existing.start_s:g} s of its file on, as in the existing dance, got "
+                f"one from {begins_s:g} s on"
+            )
+    if existing is not None and duration_s is None:
+        duration_s = existing.duration_s
+    return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
+
+
+def kept_parts(
+    existing: ExistingDance,
+    keep: tuple[Keep, ...],
+    requested: Constraints,
+    duration_s: float,
+    config: DanceConfig,
+) -> KeptDance:
+    """The kept parts of an existing dance. Raises `ParameterError` if they do not fit the new dance."""
+    if existing.motion.fps != config.fps:
+        raise ParameterError(
+            f"expected the {existing.motion.fps:g} fps of the existing dance, which is kept as it is, got "
+            f"{config.fps:g}: leave out fps"
+        )
+    kept = kept_dance(existing.motion, keep, duration_s, name=existing.name, plan=existing.plan)
+    check_pins_in_gaps(requested, kept)
+    return kept
+
+
+def kept_file_plan(
+    existing: ExistingDance, features: SongFeatures, song: Song, repertoire: Repertoire
+) -> Plan:
+    """The plan of a dance to a song that is known only as a motion file: one word, which keeps this file."""
+    counts, duration_s, defaults = features.counts, features.duration_s, DanceConfig()
+    whole = PlannedWord(0.0, duration_s, 0, "", 0.0, duration_s, Credits(), kept=existing.name)
+    return Plan(
+        song=features.name, duration_s=duration_s, start_s=song.start_s, repertoire=repertoire.path.name,
+        planner=defaults.planner, blending=defaults.blending, seed=defaults.seed, fps=existing.motion.fps,
+        weights={}, music_beats_s=tuple(float(beat) for beat in features.beat_times_s), seconds=(),
+        engine="mixer", words=(whole,),
+        music_beat_numbers=tuple(map(int, counts.numbers)) if counts.has_bars else (), metre=counts.metre,
+    )  # fmt: skip
 
 
 def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
     """A new dance that keeps parts of another one: its plan, its unmet requests, and its motion.
 
-    The new parts rarely end where the kept parts continue, so they are moved there. Of a few dances with
-    different seeds, the one with the smallest correction is chosen.
+    The new parts are edits of the other dance. They rarely end where the kept parts continue, so they are
+    moved there. Of a few dances with different seeds, the one with the smallest correction is chosen.
 
     Raises as the engine does, and `ParameterError` if the dances are of different skeletons.
     """
     kept, config = request.kept, request.config
     assert kept is not None
+    base = kept.plan
+    if base is None:
+        known = ExistingDance(kept.motion, None, kept.name)
+        base = kept_file_plan(known, request.song_features, request.song, request.repertoire)
+    existing = of_length(kept.motion, max(1, seconds_to_frames(base.duration_s, base.fps)))
     best: tuple[float, EngineResult, Motion] | None = None
     for attempt in range(_ATTEMPTS):
         seed = config.seed + attempt * _SEEDS_APART
@@ -135,7 +184,7 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
         if motion is None:
             rendering = substage(request.report, "rendering")
             motion = render_planned(result.plan, request.repertoire, request.memory, report=rendering)
-        existing = of_length(kept.motion, motion.n_frames)
+        motion = of_length(motion, existing.n_frames)
         fast_m_s = correction_speed_m_s(existing, motion, kept.frames)
         if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
             best = fast_m_s, result, motion
@@ -143,51 +192,24 @@ def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
             break
     assert best is not None
     _, result, motion = best
-    plan = _with_kept(result.plan, kept)
+    edits = tuple(_gap_edit(result.plan, from_s, min(to_s, base.duration_s)) for from_s, to_s in kept.gaps_s)
     if result.plan.from_takes:  # the motion of the plan as it is written
-        filled = render_planned(plan, request.repertoire, request.memory, existing=kept.motion)
+        filled, read_motion = existing, take_motions(request.repertoire)
+        for edit in edits:
+            filled = with_edit(filled, base, edit, read_motion)
     else:
         filled = fill_gaps(existing, motion, kept.frames)
     broken = _unmet(filled, result.plan, kept, request.constraints, request.repertoire)
     unmet = tuple(dict.fromkeys((*result.unmet, *broken)))
-    return replace(result, plan=plan, unmet=unmet), filled
+    return replace(result, plan=replace(base, edits=(*base.edits, *edits)), unmet=unmet), filled
 
 
-def _with_kept(plan: Plan, kept: KeptDance) -> Plan:
-    """The plan with the kept parts as words, which replace the planned parts there."""
-    words = [part for word in plan.words for part in _in_gaps(word, kept.stretches)]
-    words += [word for keep in kept.stretches for word in _kept_words(keep, kept, plan.duration_s)]
-    return replace(plan, words=tuple(sorted(words, key=lambda word: word.start_s)))
-
-
-def _in_gaps(word: PlannedWord, stretches: tuple[Keep, ...]) -> Iterator[PlannedWord]:
-    """The parts of a word outside of all stretches."""
-    start_s = word.start_s
-    for keep in (*stretches, Keep(word.end_s, word.end_s)):
-        end_s = min(keep.start_s, word.end_s)
-        if end_s > start_s:
-            yield _part(word, start_s, end_s)
-        start_s = max(start_s, keep.end_s)
-
-
-def _part(word: PlannedWord, start_s: float, end_s: float) -> PlannedWord:
-    span_s, source_s = (word.start_s, word.end_s), (word.source_start_s, word.source_end_s)
-    first_s, last_s = np.interp([start_s, end_s], span_s, source_s).round(6).tolist()
-    return replace(word, start_s=start_s, end_s=end_s, source_start_s=first_s, source_end_s=last_s)
-
-
-def _kept_words(keep: Keep, kept: KeptDance, duration_s: float) -> Iterator[PlannedWord]:
-    """The kept parts, with the credits of each take of the existing dance there, if known."""
-    end_s = min(keep.end_s, duration_s)
-    spans = [(keep.start_s, end_s, Credits())]
-    if kept.plan is not None:
-        spans = [
-            (max(b.start_s, keep.start_s), min(b.end_s, end_s), b.planned.credits)
-            for b in kept.plan.blocks
-            if b.start_s < end_s and b.end_s > keep.start_s
-        ]
-    for first_s, last_s, credits in spans:
-        yield PlannedWord(first_s, last_s, 0, "", first_s, last_s, credits, kept=kept.name)
+def _gap_edit(plan: Plan, start_s: float, end_s: float) -> PlannedEdit:
+    """A gap between kept parts as an edit, with the part of a new dance there. Words end on half beats."""
+    beats_s = np.array(plan.music_beats_s)
+    cuts_s = np.sort(np.concatenate([beats_s, 0.5 * (beats_s[1:] + beats_s[:-1])]))
+    words = words_between(plan.planned_blocks, start_s, end_s, cuts_s.tolist())
+    return PlannedEdit(start_s, end_s, f"plan {start_s:g}-{end_s:g} again", words)
 
 
 def _unmet(
@@ -209,3 +231,29 @@ def _unmet(
                 "move it, or keep less"
             )
     return tuple(lines)
+
+
+_MOVED_S = 0.05  # by which a border of a pin may be moved without a note
+
+
+def moved_pins(plan: Plan, requested: Constraints) -> tuple[str, ...]:
+    """A note on each pin of a take that is danced from or to another time than was asked."""
+    notes = []
+    for pin in requested.take_pins:
+        spans_s = [(b.start_s, b.end_s) for b in plan.blocks if b.planned.take == pin.take]
+        joined: list[tuple[float, float]] = []
+        for start_s, end_s in spans_s:
+            if joined and start_s - joined[-1][1] < _MOVED_S:
+                joined[-1] = joined[-1][0], end_s
+            else:
+                joined.append((start_s, end_s))
+        danced = [span_s for span_s in joined if span_s[0] < pin.end_s and span_s[1] > pin.start_s]
+        if not danced:
+            continue
+        start_s, end_s = danced[0][0], danced[-1][1]
+        if max(abs(start_s - pin.start_s), abs(end_s - pin.end_s)) > _MOVED_S:
+            notes.append(
+                f"{pin} is danced from {start_s:.1f} to {end_s:.1f} s, because a new dance is shaped around "
+                "it: with --existing, only what is asked for changes"
+            )
+    return tuple(notes)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from choreograph.choreography.engine import BUILTIN_ENGINES, engines
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import installed_costs
-from choreograph.core.arguments import as_list, is_whole, unexpected
+from choreograph.core.arguments import as_floats, as_list, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import Memory, default_numerics, digest
@@ -28,7 +28,9 @@ from choreograph.library.words import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
 from choreograph.music.song import Song, as_song, check_span
+from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
+from choreograph.pipeline.editing import as_dance
 from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
 from choreograph.settings import MAX_VARIATIONS, DanceConfig, as_config
@@ -82,6 +84,7 @@ class Session:
         self.repertoire = as_repertoire(repertoire)
         self.song = as_song("a song", song, start_s=start_s, duration_s=duration_s)
         self._memory = Memory(_MOST_BYTES)
+        self._latest: Dance | None = None
 
     def dance(self, **arguments: Unpack[DanceArguments]) -> Dance:
         """Make a dance with these `arguments`, the keywords of `choreograph.dance`.
@@ -95,8 +98,38 @@ class Session:
 
         content = _content_of(arguments)
         if content is None:
-            return make()
-        return deepcopy(self._memory.value(make, "dance", content))  # which the caller may change
+            self._latest = make()
+        else:
+            self._latest = deepcopy(self._memory.value(make, "dance", content))  # which the caller may change
+        return self._latest
+
+    def alternatives(
+        self, span: tuple[float, float], n: int = 8, *, existing: Dance | None = None
+    ) -> tuple[Alternative, ...]:
+        """What else could be danced in a part of a dance, the cheapest first.
+
+        Each alternative is a whole dance, which differs from the `existing` one only from the first to the
+        second time of `span` and one or two counts on either side, as by `choreograph.edit`. Any two of them,
+        and the existing dance, are 0.2 m of mean joint distance apart in the span. There may be fewer than
+        `n`. By default, the existing dance is the latest one of the session. Its first dance is made if there
+        is none.
+
+        Raises `ParameterError` if an argument has a wrong type or the span is outside of the dance,
+        `RepertoireError` if the repertoire of the session lacks a take of the dance.
+
+        Examples
+        --------
+        >>> session = cg.Session(cg.example_songs()["house"], duration_s=8)
+        >>> found = session.alternatives((3.0, 5.0), n=2)
+        >>> len(found), found[0].cost <= found[1].cost
+        (2, True)
+        """
+        pair = as_floats("a span as two times in seconds", span)
+        if pair.shape != (2,):
+            raise unexpected("a span as two times in seconds", span)
+        latest = self._latest if existing is None else existing
+        dance = self.dance() if latest is None else latest
+        return alternatives(as_dance(dance, self.repertoire, self.song), self.repertoire, tuple(pair), n)
 
     def __repr__(self) -> str:
         return f"<Session: {self.song.name}, {self.song.duration_s:.1f} s, {self.repertoire.path.name}>"

@@ -1,4 +1,4 @@
-"""Renders a plan: assembles runs, blends them at transitions, holds the ends and locks the feet."""
+"""Renders a plan: assembles its runs, holds the ends, locks the feet, and renders its edits after that."""
 
 from __future__ import annotations
 
@@ -6,33 +6,30 @@ from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
 from itertools import pairwise
-from typing import get_args
 
 import numpy as np
 
-from choreograph.core.arguments import as_stage_m, check_choice, check_function, check_kind, unexpected
+from choreograph.core.arguments import as_stage_m, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numerics, frame_blocks
+from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion import rotations as rot
-from choreograph.motion.body import ground_pos_m
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
-from choreograph.plan import Plan, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedEdit, PlannedWord
+from choreograph.render.assembly import assemble
 from choreograph.render.dynamics import STOP_EASE_S, with_amplitudes, with_stops
-from choreograph.render.filled_gaps import fill_gaps, of_length, stretch_frames
+from choreograph.render.filled_gaps import fill_gaps, of_length
 from choreograph.render.held_poses import hold_ends, hold_stops
 from choreograph.render.runs import (
     MotionReader,
     RecentRuns,
     Run,
     RunSampler,
-    SampledRun,
     TransitionTiming,
-    align_to,
     overlay_runs,
     sample_run,
     to_runs,
@@ -40,74 +37,7 @@ from choreograph.render.runs import (
     without_holes,
     words_to_runs,
 )
-from choreograph.render.transitions import Joins, blend_transition, feet_at_join
-from choreograph.settings import TRANSITION_LENGTHS_S, Blending
-
-# All runs of a dance become one motion. They are sampled from their takes, aligned, and blended at
-# transitions.
-
-
-def assemble(
-    runs: Sequence[Run],
-    read_motion: MotionReader,
-    *,
-    fps: float,
-    duration_s: float,
-    blending: str,
-    stage: str = "near",
-    to_front: bool = True,
-    sample: RunSampler = sample_run,
-    report: StepReport | None = None,
-) -> tuple[Motion, Joins]:
-    """The dance before foot locking, and its joins.
-
-    Each run is rotated about Y and shifted on the ground so that its body stands where the previous run's
-    stood at the transition (the paper does not say how nodes are joined), and steered a little to face the
-    audience (`to_front`) and to keep the dance on the `stage`, both ours. The dance begins in the middle of
-    the stage. If that has borders, its middle is above the origin.
-    `linear` is the paper's crossfade. With `inertial` the difference of pose, velocity and acceleration
-    decays on both sides, so that neither motion is smeared. Transitions between short runs are shorter.
-
-    Raises `ParameterError` for an unknown blending, or if there is no run.
-    """
-    check_choice("a blending", blending, get_args(Blending))
-    longest_s = max((*TRANSITION_LENGTHS_S[blending], *(run.transition_s or 0.0 for run in runs)))
-    margin = max(2, seconds_to_frames(longest_s + 0.05, fps))  # frames: velocities need two beyond the end
-    total = seconds_to_frames(runs[-1].stop_s, fps) if runs else 0
-    root_out = np.empty((total, 3))
-    quat_out: Floats | None = None
-    feet_m: list[tuple[int, Floats]] = []
-    previous: SampledRun | None = None
-    middle_m = np.zeros(3)  # of the stage
-    for done, run in enumerate(runs, start=1):
-        sampled = sample(run, read_motion, fps, margin)
-        if previous is None:
-            middle_m = ground_pos_m(sampled.body_at(sampled.start))
-            if as_stage_m(stage):
-                sampled, middle_m = sampled.moved(0.0, -middle_m), np.zeros(3)
-        else:
-            bent = "free" if to_front and run is runs[-1] else stage  # so that the last pose faces the front
-            sampled = align_to(previous, sampled, fps, stage=bent, middle_m=middle_m, to_front=to_front)
-        if quat_out is None:
-            quat_out = np.empty((total, *sampled.quat.shape[1:]))
-        rows = sampled.rows(sampled.start, sampled.stop)
-        root_out[sampled.start : sampled.stop] = sampled.root[rows]
-        quat_out[sampled.start : sampled.stop] = sampled.quat[rows]
-        if previous is not None:
-            blend_transition(previous, sampled, blending, fps, root_out, quat_out)
-            feet_m += feet_at_join(previous, sampled, fps)
-        previous = sampled
-        if report is not None:
-            report(done, len(runs))
-    if previous is None or quat_out is None:
-        raise ParameterError("expected a plan of one second or more, got none")
-    n_frames = max(1, seconds_to_frames(duration_s, fps))
-    for block in frame_blocks(total):
-        quat_out[block] = rot.normalize(quat_out[block])
-    motion = Motion(previous.skeleton, root_out, rot.make_continuous(quat_out), fps)
-    joins = Joins(np.array([run.start_s for run in runs[1:]], np.float64), tuple(feet_m))
-    return motion.sliced(0, min(n_frames, total)), joins
-
+from choreograph.render.transitions import Joins
 
 # Rendering of a plan to its motion.
 
@@ -130,8 +60,8 @@ def render(
     ----------
     plan : the plan of a dance, which may have been edited
     repertoire : with the takes of the plan
-    existing : the dance of which a plan keeps parts. These parts stay as they are, and the motion in the
-        gaps between them is moved so that it meets them.
+    existing : the motion of the file that a plan keeps, if it keeps one. The edits of the plan replace parts
+        of it.
     report : called with the number of steps done, and the number of all steps
 
     Returns
@@ -143,7 +73,7 @@ def render(
     RepertoireError   if a take of the plan is not in the repertoire
     FormatError       if the plan is not valid
     ParameterError    if a part of a take is outside the take, the plan has words that a network dances, or
-                      it keeps parts of a dance that is not given or has another length or skeleton
+                      it keeps a motion file that is not given or has another length or skeleton
 
     References
     ----------
@@ -178,14 +108,30 @@ def render_planned(
     plan.check()
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
+    if existing is not None:
+        motion = of_length(existing, max(1, seconds_to_frames(plan.duration_s, plan.fps)))
+    else:
+        motion = _rendered(plan, repertoire, memory, report)
+    read_motion = take_motions(repertoire)
+    for edit in plan.edits:
+        motion = with_edit(motion, plan, edit, read_motion)
+    return motion
+
+
+def _rendered(plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None) -> Motion:
+    """The motion of a plan without its edits."""
     sample = RecentRuns(memory).sample if memory.is_on else sample_run
     steps = replace(
-        plan, weights={}, seed=0, least_cost=None, seconds=tuple(replace(s, costs={}) for s in plan.seconds)
+        plan,
+        weights={},
+        seed=0,
+        least_cost=None,
+        seconds=tuple(replace(s, costs={}) for s in plan.seconds),
+        edits=(),
     )
     motion = memory.value(
-        lambda: render_from(take_motions(repertoire), plan, existing=existing, sample=sample, report=report),
-        "rendered", steps, existing,
-    )  # fmt: skip
+        lambda: render_from(take_motions(repertoire), plan, sample=sample, report=report), "rendered", steps
+    )
     return deepcopy(motion) if memory.is_on else motion
 
 
@@ -193,14 +139,15 @@ def render_from(
     read_motion: MotionReader,
     plan: Plan,
     *,
-    existing: Motion | None = None,
     sample: RunSampler = sample_run,
     report: StepReport | None = None,
 ) -> Motion:
-    """As `render`, for a plan that needs no checks, with functions that read takes and sample runs."""
-    runs = plan_runs(plan)
+    """As `render` without edits, for a plan that needs no checks.
+
+    The functions `read_motion` and `sample` read takes and sample runs.
+    """
     motion, joins = assemble(
-        without_holes(runs, plan.duration_s) if plan.kept_of and not plan.seconds else runs,
+        plan_runs(plan),
         read_motion,
         fps=plan.fps,
         duration_s=plan.duration_s,
@@ -211,12 +158,56 @@ def render_from(
         report=part(report, 0, 70, _STEPS),
     )
     motion = _with_dynamics(motion, joins, plan)
-    if existing is not None:
-        stretches = stretch_frames(plan.kept_spans_s, motion.fps, motion.n_frames)
-        motion = fill_gaps(of_length(existing, motion.n_frames), motion, stretches)
     if report is not None:
         report(_STEPS, _STEPS)
     return motion
+
+
+# Edits, which are rendered with some of the dance beside them, so that a long dance does not take longer.
+
+
+_BESIDE_S = 2.0  # of the dance on either side of an edit
+
+
+def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: MotionReader) -> Motion:
+    """The motion of a dance with one edit. Frames outside of the edit stay as they are, to the bit.
+
+    `plan` is that of the dance, of which the edit may be a part or not.
+    """
+    fps, n_frames = motion.fps, motion.n_frames
+    first, stop = seconds_to_frames(edit.start_s, fps), min(seconds_to_frames(edit.end_s, fps), n_frames)
+    from_s = max(0, int(edit.start_s - _BESIDE_S))  # a whole second, for the amplitudes
+    begin = min(seconds_to_frames(from_s, fps), first)
+    end = min(n_frames, seconds_to_frames(edit.end_s + _BESIDE_S, fps))
+    window = _window(plan, edit, from_s, (end - begin) / fps)
+    runs = without_holes(_runs_of_words(window.words), window.duration_s)
+    made, joins = assemble(
+        with_stops(runs, window.stops_s), read_motion, fps=fps, duration_s=window.duration_s,
+        blending=plan.blending, stage=plan.stage, to_front=plan.front == "audience",
+    )  # fmt: skip
+    filling = of_length(_with_dynamics(made, joins, window), end - begin)
+    stretches = [span for span in ((0, first - begin), (stop - begin, end - begin)) if span[0] < span[1]]
+    filled = fill_gaps(motion.sliced(begin, end), filling, stretches)
+    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
+    root_pos_m[first:stop] = filled.root_pos_m[first - begin : stop - begin]
+    local_quat[first:stop] = filled.local_quat[first - begin : stop - begin]
+    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
+
+
+def _window(plan: Plan, edit: PlannedEdit, from_s: int, duration_s: float) -> Plan:
+    """The plan of an edit alone, from `from_s` of the dance on. What is pinned keeps its size."""
+    words = tuple(
+        replace(word, start_s=word.start_s - from_s, end_s=word.end_s - from_s) for word in edit.words
+    )
+    closing_s = plan.danced_until_s - from_s
+    stops_s = [(rests_s - from_s, moves_s - from_s) for rests_s, moves_s in plan.stops_s]
+    return replace(
+        plan, seconds=(), words=words, edits=(), duration_s=duration_s,
+        opening_s=max(0.0, plan.opening_s - from_s),
+        closing_s=closing_s if closing_s < duration_s else None,
+        stops_s=tuple(span_s for span_s in stops_s if span_s[0] > STOP_EASE_S and span_s[1] < duration_s),
+        amplitudes=() if any(word.pinned for word in words) else plan.amplitudes[from_s:],
+    )  # fmt: skip
 
 
 def render_generated(motion: Motion, plan: Plan) -> Motion:
@@ -275,33 +266,31 @@ def lock_feet_at_joins(
 
 
 def _check_existing(plan: Plan, existing: Motion | None) -> None:
-    """Raise `ParameterError` unless the dance of which a plan keeps parts is given and has its rate."""
+    """Raise `ParameterError` unless the motion file that a plan keeps is given and has its rate."""
     if not plan.kept_of:
         if existing is not None:
-            raise ParameterError(
-                "expected no existing dance beside a plan that keeps no part of one, got one"
-            )
+            raise ParameterError("expected no existing dance beside a plan that keeps no file, got one")
         return
     if existing is None:
         raise ParameterError(
-            f"expected the existing dance {plan.kept_of}, of which the plan keeps parts, got none: give it "
-            "as `existing`"
+            f"expected the existing dance {plan.kept_of}, which the plan keeps, got none: give it as "
+            "`existing`"
         )
     check_kind("an existing dance", existing, Motion, "`dance.motion` of a Dance")
     if existing.fps != plan.fps or abs(existing.duration_s - plan.duration_s) > LENGTH_SLACK_S:
         raise ParameterError(
-            f"expected an existing dance of {plan.duration_s:.1f} s at {plan.fps:g} fps, of which the plan "
-            f"keeps parts, got one of {existing.duration_s:.1f} s at {existing.fps:g} fps"
+            f"expected an existing dance of {plan.duration_s:.1f} s at {plan.fps:g} fps, which the plan "
+            f"keeps, got one of {existing.duration_s:.1f} s at {existing.fps:g} fps"
         )
 
 
 def _check_takes(plan: Plan, repertoire: Repertoire) -> None:
     """Raise unless all parts of a plan that are not kept are inside takes: see `render`."""
-    blocks = [block for block in plan.planned_blocks if not block.kept]
+    blocks = [block for block in plan.played_blocks if not block.kept]
     if not all(block.planned.take for block in blocks):
         raise ParameterError(
-            f"expected a plan of takes, got one of the {plan.engine} engine, which holds motifs: dance to "
-            "its song again"
+            "expected a plan of takes, got one with parts of the rollout engine, which holds motifs: dance "
+            "to its song again"
         )
     indices = {block.planned.take: repertoire.take_index(block.planned.take) for block in blocks}
     for block in blocks:
@@ -348,15 +337,17 @@ def off_stage(motion: Motion, stage: str) -> tuple[str, ...]:
 
 
 def plan_runs(plan: Plan) -> list[Run]:
-    """The runs of a plan: its seconds with their transitions, its words in place of them, and its stops.
+    """The runs of a plan without edits: seconds with transitions, words in place of them, and stops."""
+    runs = overlay_runs(timed_runs_of_seconds(plan), _runs_of_words(plan.words))
+    return with_stops(runs, plan.stops_s)
 
-    Where another dance is kept, there are only those of the seconds.
-    """
-    words = _runs_of_words([word for word in plan.words if not word.kept])
+
+def timed_runs_of_seconds(plan: Plan) -> list[Run]:
+    """The runs of a plan's seconds with their transitions."""
     seconds = runs_of_seconds(plan)
     firsts = [plan.seconds[round(run.start_s)] for run in seconds]
     timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
-    return with_stops(overlay_runs(with_transitions(seconds, timings), words), plan.stops_s)
+    return with_transitions(seconds, timings)
 
 
 def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
@@ -365,6 +356,7 @@ def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
         np.array([(word.start_s, word.end_s) for word in words]),
         np.array([(word.source_start_s, word.source_end_s) for word in words]),
         [word.pinned for word in words],
+        [word.mirrored for word in words],
     )
 
 

@@ -17,6 +17,7 @@ from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
 from choreograph.motion.kinematics import ancestors, forward
+from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 
@@ -94,6 +95,7 @@ class Run:
     source_times_s: Floats  # (n + 1,) times of the take, evenly spaced from start to stop, both included
     locked: bool = False  # transitions change its neighbours, not it
     transition_s: float | None = None  # length of the transition into it, or None for the blending's default
+    mirrored: bool = False  # left and right are exchanged
 
     @property
     def length_s(self) -> float:
@@ -138,7 +140,11 @@ def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> 
 
 
 def words_to_runs(
-    takes: Sequence[str], spans_s: Floats, sources_s: Floats, locked: Sequence[bool]
+    takes: Sequence[str],
+    spans_s: Floats,
+    sources_s: Floats,
+    locked: Sequence[bool],
+    mirrored: Sequence[bool] | None = None,
 ) -> list[Run]:
     """Words grouped into runs. Each word has its take, its span of the dance (N, 2) and of the take (N, 2).
 
@@ -147,16 +153,19 @@ def words_to_runs(
     """
     runs: list[Run] = []
     first = 0
+    sides = [False] * len(takes) if mirrored is None else mirrored
     for index in range(1, len(takes) + 1):
         goes_on = (
             index < len(takes)
             and takes[index] == takes[index - 1]
+            and sides[index] == sides[index - 1]
             and abs(sources_s[index, 0] - sources_s[index - 1, 1]) < _SAME_INSTANT_S
             and abs(spans_s[index, 0] - spans_s[index - 1, 1]) < _SAME_INSTANT_S
         )
         if not goes_on:
             part = slice(first, index)
-            runs.append(_word_run(takes[first], spans_s[part], sources_s[part], any(locked[part])))
+            run = _word_run(takes[first], spans_s[part], sources_s[part], any(locked[part]))
+            runs.append(replace(run, mirrored=True) if sides[first] else run)
             first = index
     return runs
 
@@ -297,6 +306,7 @@ def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> 
     start, stop = seconds_to_frames(run.start_s, fps), seconds_to_frames(run.stop_s, fps)
     source_s = run.source_s(np.arange(start - margin, stop + margin) / fps)
     motion, first_s = read_motion(run.take, float(source_s.min()), float(source_s.max()))
+    motion = mirrored_motion(motion) if run.mirrored else motion
     sampled = motion.sampled_smooth((source_s - first_s) * motion.fps)
     return SampledRun(
         motion.skeleton, fps, start - margin, start, stop, sampled.root_pos_m, sampled.local_quat,
@@ -320,7 +330,7 @@ class RecentRuns:
         """As `sample_run`, always with the same `read_motion`."""
         sampled = self._memory.value(
             lambda: sample_run(run, read_motion, fps, margin),
-            "run", run.take, run.start_s, run.stop_s, run.source_times_s, fps, margin,
+            "run", run.take, run.mirrored, run.start_s, run.stop_s, run.source_times_s, fps, margin,
         )  # fmt: skip
         return replace(sampled, locked=run.locked, transition_s=run.transition_s)
 

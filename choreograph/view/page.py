@@ -34,7 +34,8 @@ from choreograph.core.files import atomic_path, check_apart, check_target
 from choreograph.core.progress import StepReport, part
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.motion import Motion
-from choreograph.plan import Block, Plan, PlannedSecond
+from choreograph.plan import Plan
+from choreograph.plan_parts import Block, PlannedSecond
 from choreograph.view.page_data import (
     PageBody,
     PageCharacter,
@@ -198,6 +199,7 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
         return shown | {"costs": {name: round(cost, 4) for name, cost in planned.costs.items()}}
     if block.kept:
         return shown | {"kept": True, "costs": {}}
+    shown |= {"mirrored": True} if planned.mirrored else {}
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 

@@ -23,7 +23,7 @@ from choreograph.choreography.constraints import (
 )
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.motion.motion import Credits
-from choreograph.plan import PlannedWord
+from choreograph.plan_parts import PlannedWord
 
 
 @pytest.mark.parametrize(

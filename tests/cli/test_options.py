@@ -70,7 +70,8 @@ def test_the_options_to_repeat_are_few():
     assert repeated == {
         ("build-db", "--add"), ("build-db", "--replace"), ("build-db", "--remove"),
         ("build-db", "--leave-out"), ("build-db", "--set"), ("dance", "--output"), ("dance", "--pin"),
-        ("dance", "--ban"), ("dance", "--keep"), ("dance", "--set"), ("dance", "--weight"),
+        ("dance", "--ban"), ("dance", "--keep"), ("dance", "--swap"), ("dance", "--vary"),
+        ("dance", "--repeat"), ("dance", "--set"), ("dance", "--weight"),
         ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
         ("study write", "--only"), ("study write", "--variants"), ("dance", "--db"), ("evaluate", "--db"),
         ("study write", "--db"),

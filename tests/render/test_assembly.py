@@ -14,7 +14,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
-from choreograph.render.rendering import assemble
+from choreograph.render.assembly import assemble
 from choreograph.render.runs import MAX_STEER_RAD, Run, steer_rad, to_runs
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 

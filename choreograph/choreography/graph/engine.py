@@ -31,7 +31,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.danced_span import REACH_S, join_times_s
-from choreograph.plan import Plan, PlannedSecond, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedSecond, PlannedWord
 from choreograph.render.rendering import render_planned, runs_of_seconds, take_motions
 from choreograph.render.runs import Run, TransitionTiming
 from choreograph.render.transitions import time_transitions

@@ -36,7 +36,8 @@ from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import held_times_s
-from choreograph.plan import Plan, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_from, take_motions
 from choreograph.render.runs import RecentRuns
 from choreograph.settings import DanceConfig

@@ -27,7 +27,7 @@ from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
-from choreograph.plan import PlannedWord
+from choreograph.plan_parts import PlannedWord
 from choreograph.render.runs import MAX_STEER_RAD, stage_half_m
 from choreograph.settings import DEFAULT_WEIGHTS
 

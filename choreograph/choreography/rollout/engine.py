@@ -40,7 +40,8 @@ from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
-from choreograph.plan import Plan, PlannedWord
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_generated, render_over
 from choreograph.settings import DanceConfig
 

@@ -42,7 +42,7 @@ export class Card {
     const count = this.counts.textAt(block.start_s + NEAR_S);
     if (count) facts.push(["From", count]);
     if ("speed" in block) {
-      facts.push(["Source time", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s`]);
+      facts.push(["Source time", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s${block.mirrored ? ", mirrored" : ""}`]);
       facts.push(["Warp", warpText(block.speed)]);
     }
     const costs = Object.entries(block.costs);

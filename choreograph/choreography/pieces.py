@@ -1,0 +1,268 @@
+"""Pieces of takes that may be danced in a part of an existing dance, and their costs.
+
+A piece is a part of one take of a whole number of counts, which is played count by count. It begins and ends
+with the counts that lead from and to the dance around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from choreograph.choreography.edits import EditSlots
+from choreograph.choreography.mixer.words import AROUND_S
+from choreograph.choreography.motif_sequences import UNKNOWN
+from choreograph.choreography.piece_bank import PieceBank, Surroundings
+from choreograph.choreography.piece_reasons import reasons
+from choreograph.core.numerics import Floats, Indices
+from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
+from choreograph.plan_parts import PlannedWord
+
+# The pieces for the slots of an edit, and what they cost.
+
+
+APART_M = 0.2  # mean joint distance of two pieces that look different
+_MOST_COMPARED = 256  # pieces, the cheapest by their ends, of which the poses within are read
+_POSES_PER_COUNT = 4
+_FAR = 0.75  # of the greatest distance from the dance there, if no piece is far enough from it
+_RADIUS_M = 0.3  # that the feet move in a turn of a radian, about
+_AGAIN_S = 10.0  # within which the same part of a take is a repetition
+# Weights of the costs, all in metres of joint distance.
+_TRAVEL = 0.5  # of a correction of the path by a metre a second
+_TEMPO_M = 0.15  # of half or twice the speed
+_COUNT_M = 0.5  # of a piece that begins on another count of the bar
+_GENRE_M = 0.3  # of another genre than the dance has there
+_FRONT_M = 0.25  # of a piece that is danced with the back to the audience
+_ENERGY_M = 0.2  # of half or twice the speed of the joints that the dance has there
+_AGAIN_M = 0.25  # of a part of a take that is danced at nearly the same time
+_SIMILAR = 1.5  # of the distance from the dance there, if a variation is asked for
+COST_NAMES = ("joins", "travel", "tempo", "count", "front", "genre", "energy", "again", "difference")
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A piece of a take for the slots of an edit."""
+
+    words: tuple[PlannedWord, ...]  # one for each slot, the leading ones included
+    costs: dict[str, float]  # by name, in metres of joint distance
+    poses_m: Floats  # (S, 21, 3) of what was asked for, moved rigidly to one place and heading
+    why: str  # how it differs from the dance there, in words
+
+    @property
+    def cost(self) -> float:
+        """The sum of its costs."""
+        return sum(self.costs.values())
+
+
+@dataclass(frozen=True)
+class PieceRequest:
+    """What is asked of a piece."""
+
+    takes: Collection[int]  # that may be danced
+    motif: int | None = None  # of its first count
+    banned: Collection[int] = ()  # motifs that it must not have
+    similar: bool = False  # to the dance there
+    pinned: bool = False  # it keeps its size, and may be the dance there
+
+
+def ranked_pieces(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, request: PieceRequest
+) -> list[Piece]:
+    """Pieces for the slots of an edit, the cheapest first. There may be none.
+
+    A piece is played at half to twice its speed. Unless it is pinned, it differs from the dance there by a
+    mean joint distance of 0.2 m, or of 0.1 m if it shall be similar. If none does, it is one of those that
+    differ most.
+    """
+    takes, rows, counts_s = _candidates(bank, around, slots, request)
+    if len(takes) == 0:
+        return []
+    costs = _costs_of_ends(bank, around, slots, takes, rows, counts_s)
+    cheapest = np.argsort(_total(costs), kind="stable")[:_MOST_COMPARED]
+    takes, rows, counts_s = takes[cheapest], rows[cheapest], counts_s[cheapest]
+    costs = {name: cost[cheapest] for name, cost in costs.items()}
+    shares = np.arange(
+        slots.before * _POSES_PER_COUNT, (slots.end - slots.begin - slots.after) * _POSES_PER_COUNT
+    )
+    index = (shares + 0.5) / _POSES_PER_COUNT  # (S,) in slots from the first one
+    poses_m = clips_to_root_frame(
+        bank.repertoire.clip_motion.poses_at(takes, _at(counts_s, index))
+    )  # (M, S, 21, 3)
+    times_s = np.interp(index + slots.begin, np.arange(len(around.bounds_s)), around.bounds_s)
+    here_m = clips_to_root_frame(around.poses_m(times_s))  # (S, 21, 3)
+    distance_m = _distance_m(poses_m, here_m)
+    speeds = np.log2((_speed(poses_m) + 1e-3) / (_speed(here_m[None]) + 1e-3))
+    again = _is_again(around, slots, bank, takes, counts_s)
+    costs |= {"energy": _ENERGY_M * np.abs(speeds), "again": np.where(again, _AGAIN_M, 0.0)}
+    if request.similar:
+        costs["difference"] = _SIMILAR * distance_m
+    total = _total(costs)
+    least_m = 0.0 if request.pinned else APART_M / 2 if request.similar else APART_M
+    least_m = min(least_m, _FAR * float(distance_m.max()))
+    pieces = []
+    for row in np.argsort(total, kind="stable").tolist():
+        if distance_m[row] < least_m:
+            continue
+        take = int(takes[row])
+        motifs = bank.motifs(take)[rows[row] : rows[row] + slots.end - slots.begin]
+        why = reasons(
+            bank, around, slots, take, motifs, counts_s[row], float(speeds[row]), costs["joins"][row]
+        )
+        pieces.append(
+            Piece(
+                _words(bank, around, slots, take, motifs, counts_s[row], pinned=request.pinned),
+                {name: round(float(cost[row]), 4) for name, cost in costs.items()},
+                poses_m[row],
+                why,
+            )
+        )
+    return pieces
+
+
+def distinct(pieces: Sequence[Piece], n: int, *, apart_m: float = APART_M) -> list[Piece]:
+    """The first `n` of the pieces that are `apart_m` from each other."""
+    chosen: list[Piece] = []
+    for piece in pieces:
+        if len(chosen) == n:
+            break
+        if all(pose_distance_m(piece.poses_m, other.poses_m) >= apart_m for other in chosen):
+            chosen.append(piece)
+    return chosen
+
+
+def pose_distance_m(one_m: Floats, other_m: Floats) -> float:
+    """Mean joint distance of two clips (S, 21, 3), each moved rigidly to one place and heading."""
+    return float(np.linalg.norm(one_m - other_m, axis=-1).mean())
+
+
+def _total(costs: dict[str, Floats]) -> Floats:
+    total: Floats = np.sum(list(costs.values()), axis=0)
+    return total
+
+
+def _candidates(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, request: PieceRequest
+) -> tuple[Indices, Indices, Floats]:
+    """Takes (M,), the counts on which pieces begin (M,), and the times of all their counts (M, slots + 1)."""
+    n = slots.end - slots.begin
+    lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])  # (n,)
+    takes, rows, counts_s = [], [], []
+    for take in sorted(request.takes):
+        times_s = bank.counts_s[take]
+        if len(times_s) <= n:
+            continue
+        windows_s = sliding_window_view(times_s, n + 1)
+        ratio = np.diff(windows_s, axis=1) / lengths_s
+        fits = ((ratio >= MIN_SLOPE) & (ratio <= MAX_SLOPE)).all(axis=1)
+        found = np.flatnonzero(fits)
+        motifs = bank.motifs(take)
+        if request.motif is not None:
+            found = found[motifs[found + slots.before] == request.motif]
+        if len(request.banned):
+            found = found[~np.isin(motifs[found[:, None] + np.arange(n)], list(request.banned)).any(axis=1)]
+        takes.append(np.full(len(found), take))
+        rows.append(found)
+        counts_s.append(windows_s[found])
+    if not takes:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, n + 1))
+    return np.concatenate(takes), np.concatenate(rows), np.concatenate(counts_s)
+
+
+def _at(counts_s: Floats, index: Floats) -> Floats:
+    """Times (M, S) of pieces with counts (M, n + 1) at fractional counts (S,)."""
+    low = np.minimum(index.astype(np.int64), counts_s.shape[1] - 2)
+    times_s: Floats = counts_s[:, low] + (index - low) * (counts_s[:, low + 1] - counts_s[:, low])
+    return times_s
+
+
+def _costs_of_ends(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, takes: Indices, rows: Indices, counts_s: Floats
+) -> dict[str, Floats]:
+    """What pieces (M,) cost because of their ends, their tempo, their counts and their genre."""
+    clips, times_s = bank.repertoire.clip_motion, around.bounds_s[[slots.begin, slots.end]]
+    inside = np.array([slots.begin > 0, slots.end < len(around.bounds_s) - 1])  # of the dance
+    lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])
+    ratio = np.diff(counts_s, axis=1) / lengths_s  # (M, n)
+    ends_s = counts_s[:, [0, -1]][..., None] + ratio[:, [0, -1]][..., None] * AROUND_S  # (M, 2, 3)
+    poses_m = clips.poses_at(takes, ends_s)  # (M, 2, 3, 21, 3)
+    here_m = around.poses_m(times_s[:, None] + AROUND_S)  # (2, 3, 21, 3)
+    away_m = clips_to_root_frame(poses_m) - clips_to_root_frame(here_m)
+    joins = np.sqrt(np.square(away_m).sum(axis=-1).mean(axis=(-2, -1)))  # (M, 2) in m
+    headings, here_rad = heading_rad(poses_m[:, :, 1]), heading_rad(here_m[:, 1])
+    led_m = _walk_m(poses_m[:, :, 1], headings) - _walk_m(here_m[None, :, 1], here_rad[None])  # (M, 3)
+    turn_rad = _wrapped((headings[:, 1] - headings[:, 0]) - (here_rad[1] - here_rad[0]))
+    fast_m_s = (np.linalg.norm(led_m, axis=-1) + _RADIUS_M * np.abs(turn_rad)) / (times_s[1] - times_s[0])
+    turned_rad = here_rad[0] - (headings[:, 0] - clips.fronts_rad[takes])
+    position = np.array(
+        [bank.positions[take][row + slots.before] for take, row in zip(takes, rows, strict=True)]
+    )
+    wanted = around.positions[slots.first]
+    known = (position != UNKNOWN) & (wanted != UNKNOWN)
+    genres = np.array([info.credits.genre for info in bank.repertoire.takes])[takes]
+    return {
+        "joins": (joins * inside).sum(axis=1),
+        "travel": _TRAVEL * fast_m_s * inside.all(),
+        "tempo": _TEMPO_M * np.square(np.log2(ratio)).mean(axis=1),
+        "count": _COUNT_M * (known & (position != wanted)),
+        "front": _FRONT_M * 0.5 * (1.0 - np.cos(turned_rad)) * inside[0],
+        "genre": _GENRE_M * ~np.isin(genres, [one.genre for one in around.credits(slots)]),
+    }
+
+
+def _walk_m(poses_m: Floats, headings: Floats) -> Floats:
+    """The way (..., 3) between two poses (..., 2, 21, 3), seen from the heading (..., 2) of the first."""
+    ground_m = ground_pos_m(poses_m)
+    walk_m: Floats = rot.rotate(rot.about_y(-headings[..., 0]), ground_m[..., 1, :] - ground_m[..., 0, :])
+    return walk_m
+
+
+def _wrapped(angle_rad: Floats) -> Floats:
+    wrapped: Floats = (angle_rad + np.pi) % (2 * np.pi) - np.pi
+    return wrapped
+
+
+def _distance_m(poses_m: Floats, here_m: Floats) -> Floats:
+    """Mean joint distance (M,) of pieces (M, S, 21, 3) from the dance (S, 21, 3)."""
+    distance_m: Floats = np.linalg.norm(poses_m - here_m, axis=-1).mean(axis=(1, 2))
+    return distance_m
+
+
+def _speed(poses_m: Floats) -> Floats:
+    """Mean joint distance (M,) from one of the poses (M, S, 21, 3) to the next."""
+    speed: Floats = np.linalg.norm(np.diff(poses_m, axis=1), axis=-1).mean(axis=(1, 2))
+    return speed
+
+
+def _is_again(
+    around: Surroundings, slots: EditSlots, bank: PieceBank, takes: Indices, counts_s: Floats
+) -> NDArray[np.bool_]:
+    """Which pieces (M,) overlap a part of their take that is danced within 10 s of the edit."""
+    start_s, end_s = around.bounds_s[[slots.first, slots.stop]]
+    names = np.array([info.name for info in bank.repertoire.takes])[takes]
+    again = np.zeros(len(takes), bool)
+    for block in around.blocks:
+        if block.end_s > start_s - _AGAIN_S and block.start_s < end_s + _AGAIN_S:
+            over = (counts_s[:, 0] < block.source_end_s) & (counts_s[:, -1] > block.source_start_s)
+            again |= over & (names == block.planned.take)
+    return again
+
+
+def _words(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, take: int, motifs: Indices, counts_s: Floats,
+    *, pinned: bool,
+) -> tuple[PlannedWord, ...]:  # fmt: skip
+    info, bounds_s = bank.repertoire.takes[take], around.bounds_s[slots.begin : slots.end + 1]
+    times_s = np.clip(counts_s, 0.0, info.duration_s)
+    return tuple(
+        PlannedWord(
+            round(float(bounds_s[i]), 6), round(float(bounds_s[i + 1]), 6), max(0, int(motifs[i])), info.name,
+            round(float(times_s[i]), 6), round(float(times_s[i + 1]), 6), info.credits, pinned,
+        )
+        for i in range(len(bounds_s) - 1)
+    )  # fmt: skip
