@@ -166,6 +166,9 @@ class RecentItems(Generic[_Item]):
                 self._n_bytes -= self._items.popitem(last=False)[1][1]
 
 
+_LAST_VALUES = 4  # of the same common inputs, from which parts are taken
+
+
 class Memory:
     """Keeps values by the inputs that they were computed from, up to a number of bytes.
 
@@ -174,7 +177,7 @@ class Memory:
     """
 
     def __init__(self, most_bytes: int = 0) -> None:
-        self._kept: RecentItems[tuple[Any]] | None = RecentItems(most_bytes) if most_bytes else None
+        self._kept: RecentItems[tuple[Any, ...]] | None = RecentItems(most_bytes) if most_bytes else None
         self._inputs = b""
 
     @property
@@ -208,20 +211,21 @@ class Memory:
         return value
 
     def value_from_last(
-        self, compute: Callable[[_Item | None], _Item], common: Sequence[object], *inputs: object
+        self, compute: Callable[[list[_Item]], _Item], common: Sequence[object], *inputs: object
     ) -> _Item:
-        """As `value`, of the `common` inputs and the others. `compute` may take parts of another value.
+        """As `value`, of the `common` inputs and the others. `compute` may take parts of other values.
 
-        It gets the last value that was made with the same `common` inputs, or None if that is not kept.
+        It gets the last values that were used with the same `common` inputs, the latest first, as far as
+        they are kept.
         """
         if self._kept is None:
-            return compute(None)
-        latest = self.key("latest", *common)
-        last = self._kept.get(latest)
-        before = None if last is None else self._kept.get(last[0])
-        key = self.key(*common, *inputs)
-        value = self.value(lambda: compute(None if before is None else before[0]), *common, *inputs)
-        self._kept.keep(latest, (key,), _n_bytes(key))
+            return compute([])
+        latest, key = self.key("latest", *common), self.key(*common, *inputs)
+        keys: tuple[bytes, ...] = self._kept.get(latest) or ()
+        kept = [item for item in map(self._kept.get, keys) if item is not None]
+        value = self.value(lambda: compute([item[0] for item in kept]), *common, *inputs)
+        keys = (key, *(other for other in keys if other != key))[:_LAST_VALUES]
+        self._kept.keep(latest, keys, _n_bytes(keys))
         return value
 
     def key(self, *inputs: object) -> bytes:
@@ -230,6 +234,39 @@ class Memory:
 
 
 NO_MEMORY = Memory()
+
+
+def rows_from(
+    last: Sequence[Mapping[str, NDArray[Any]]],
+    ids: Sequence[AnyInts],
+    wanted: AnyInts,
+    make: Callable[[NDArray[np.bool_]], dict[str, NDArray[Any]]],
+) -> dict[str, NDArray[Any]]:
+    """Arrays by name whose rows have the `wanted` ids (K,), from `last` arrays, whose rows have these `ids`.
+
+    Rows that none of them has are made by `make`, which gets a mask (K,) of them.
+    """
+    found: dict[str, NDArray[Any]] = {}
+    new = np.ones(len(wanted), bool)
+
+    def put(here: NDArray[np.bool_], rows: Mapping[str, NDArray[Any]]) -> None:
+        for name, values in rows.items():
+            if name not in found:
+                found[name] = np.empty((len(wanted), *values.shape[1:]), values.dtype)
+            found[name][here] = values
+
+    for arrays, of_rows in zip(last, ids, strict=True):
+        order = np.argsort(of_rows)
+        at = order[np.minimum(np.searchsorted(of_rows, wanted, sorter=order), len(order) - 1)]
+        here = new & (of_rows[at] == wanted)
+        if here.any():
+            put(here, {name: values[at[here]] for name, values in arrays.items()})
+            new &= ~here
+    if new.all():
+        return make(new)
+    if new.any():
+        put(new, make(new))
+    return found
 
 
 def digest(*values: object) -> bytes:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from choreograph.core.numerics import NO_MEMORY, Memory, digest
+from choreograph.core.numerics import NO_MEMORY, Memory, digest, rows_from
 
 plain = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text() | st.binary()
 some_arrays = arrays.arrays(
@@ -90,12 +90,12 @@ def test_no_memory_keeps_nothing():
     assert Memory(1).is_on
 
 
-def test_a_value_is_made_from_the_last_one_of_the_same_common_inputs():
+def test_a_value_is_made_from_the_last_ones_of_the_same_common_inputs():
     memory, got = Memory(2000), []
 
     def value(common, name):
         def compute(last):
-            got.append((name, last))
+            got.append((name, list(last)))
             return name
 
         return memory.value_from_last(compute, (common,), name)
@@ -103,14 +103,40 @@ def test_a_value_is_made_from_the_last_one_of_the_same_common_inputs():
     assert [value(*pair) for pair in (("x", "a"), ("x", "b"), ("y", "c"), ("x", "a"), ("x", "d"))] == [
         *"abcad"
     ]
-    assert got == [("a", None), ("b", "a"), ("c", None), ("d", "a")]  # a was used last
+    assert got == [("a", []), ("b", ["a"]), ("c", []), ("d", ["a", "b"])]  # a was used last
+    for name in "efg":
+        value("x", name)
+    assert got[-1] == ("g", ["f", "e", "d", "a"])
     memory.value(lambda: np.zeros(225), "large")  # in place of all others
-    value("x", "e")
-    assert got[-1] == ("e", None)
+    value("x", "h")
+    assert got[-1] == ("h", [])
 
 
 def test_without_a_memory_there_is_no_last_value_and_no_key():
-    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "a") == [None]
-    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "b") == [None]
+    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "a") == [[]]
+    assert NO_MEMORY.value_from_last(lambda last: [last], ("x",), "b") == [[]]
     assert NO_MEMORY.key("x") == b""
     assert Memory(1).key("x") != Memory(1).of("y").key("x")
+
+
+ids = st.lists(st.integers(0, 20), unique=True, min_size=1, max_size=12).map(np.array)
+
+
+def rows_of(numbers):
+    """Rows that follow from their ids."""
+    return {"square": (numbers**2)[:, None] * [1.0, 2.0], "name": np.array([f"{n:>3}" for n in numbers])}
+
+
+@given(st.lists(ids, max_size=3), ids)
+def test_rows_are_taken_where_they_are_and_the_others_made(last, wanted):
+    made = []
+
+    def make(new):
+        made.extend(wanted[new].tolist())
+        return rows_of(wanted[new])
+
+    found = rows_from([rows_of(one) for one in last], last, wanted, make)
+    assert made == [one for one in wanted.tolist() if not any(one in other for other in last)]
+    for name, values in rows_of(wanted).items():
+        assert found[name].dtype == values.dtype
+        np.testing.assert_array_equal(found[name], values)

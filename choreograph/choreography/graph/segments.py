@@ -26,7 +26,7 @@ from choreograph.choreography.graph.warping import (
     count_time_maps,
     warp_by_density,
 )
-from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Indices, Memory
+from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Memory, rows_from
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 
@@ -100,9 +100,14 @@ def warp_segments(
                 key, as_recorded=as_recorded, smoothed=smoothed,
             )  # fmt: skip
 
-        return memory.value_from_last(
-            lambda before: _warped_from(before, clip[second], warped), inputs, clip[second]
-        )
+        def from_last(last: list[Segments]) -> Segments:
+            arrays = rows_from(
+                [_arrays_of(one) for one in last], [one.clip for one in last], clip[second],
+                lambda new: _arrays_of(warped(clip[second][new])),
+            )  # fmt: skip
+            return Segments(**arrays, inputs=key)
+
+        return memory.value_from_last(from_last, inputs, clip[second])
 
     all_arrays: list[NDArray[Any]] = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -116,27 +121,9 @@ def warp_segments(
     return Segments(*all_arrays)
 
 
-def _warped_from(
-    before: Segments | None, clip: NDArray[np.integer], warped: Callable[[NDArray[np.integer]], Segments]
-) -> Segments:
-    """The segments of clips (K,) in one second. Those among the segments `before` are taken from there."""
-    if before is None:
-        return warped(clip)
-    place, known = _places_in(before.clip, clip)
-    made = None if known.all() else warped(clip[~known])
-    arrays: dict[str, NDArray[Any]] = {}
-    for name in (field.name for field in fields(Segments) if field.name != "inputs"):
-        arrays[name] = getattr(before, name)[place]
-        if made is not None:
-            arrays[name][~known] = getattr(made, name)
-    return Segments(**arrays, inputs=before.inputs)
-
-
-def _places_in(ids: AnyInts, wanted: AnyInts) -> tuple[Indices, NDArray[np.bool_]]:
-    """The index (K,) of each `wanted` id among other ids (N,), and whether it is there (K,)."""
-    order = np.argsort(ids)
-    place: Indices = order[np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)]
-    return place, ids[place] == wanted
+def _arrays_of(segments: Segments) -> dict[str, NDArray[Any]]:
+    """The arrays with a row for each segment of one second, by name."""
+    return {name: values for name, values in vars(segments).items() if name != "inputs"}
 
 
 def _warped_second(
@@ -270,16 +257,16 @@ class LayerSource:
         part = slice(inserted[0], second + 1)
         joins_s = self._join_times_s[inserted[0] : second + 2]
         layer = self._memory.value_from_last(
-            lambda before: self._layer(second, inserted[::-1], before),
+            lambda last: self._layer(second, inserted[::-1], last),
             (second, self._segments.inputs[part], joins_s), self._segments.clip[part],
             None if self._may_dance is None else self._may_dance[second],
         )  # fmt: skip
         return self._in_dance(layer)
 
-    def _layer(self, second: int, starts: Sequence[int], before: Layer | None) -> Layer:
+    def _layer(self, second: int, starts: Sequence[int], last: Sequence[Layer]) -> Layer:
         """The nodes of the segments inserted at `starts`, one of each time map.
 
-        Those among the nodes of the layer `before`, which is of the same seconds, are taken from there.
+        Those among the nodes of the `last` layers, which are of the same seconds, are taken from there.
         """
         kept = one_per_time_map([self._segments.time_map_id[start] for start in starts])
         start = np.repeat(np.asarray(starts), [len(nodes) for nodes in kept])
@@ -288,15 +275,14 @@ class LayerSource:
         if self._may_dance is not None:
             may = self._may_dance[second, self._clips.take[clip]]
             start, rank, clip = (of[may] if may.any() else of for of in (start, rank, clip))
-        if before is None:
-            return self._nodes(start, second - start, rank)
-        place, known = _places_in(SEGMENT_S * before.clip + before.offset, SEGMENT_S * clip + second - start)
-        layer, new = before.subset(place), ~known
-        made = self._nodes(start[new], second - start[new], rank[new]) if new.any() else None
-        for name, values in vars(made).items() if made else ():
-            if isinstance(values, np.ndarray):
-                getattr(layer, name)[new] = values
-        return changed_layer(layer, segment=self._numbers(start, rank))
+        arrays: dict[str, Any] = rows_from(
+            [_arrays_of_nodes(layer) for layer in last],
+            [SEGMENT_S * layer.clip + layer.offset for layer in last],
+            SEGMENT_S * clip + second - start,
+            lambda new: _arrays_of_nodes(self._nodes(start[new], second - start[new], rank[new])),
+        )
+        arrays["segment"] = self._numbers(start, rank)
+        return Layer(second=second, bank=self._poses, **arrays)
 
     def _numbers(self, start: AnyInts, rank: AnyInts) -> AnyInts:
         """`Layer.segment` of segments `rank` (N,) that are inserted at `start` (N,)."""
@@ -389,6 +375,11 @@ class LayerSource:
             danced=np.zeros((len(clip), 0)),
             bank=self._poses,
         )
+
+
+def _arrays_of_nodes(layer: Layer) -> dict[str, NDArray[Any]]:
+    """The arrays with a row for each node of a layer, by name."""
+    return {name: values for name, values in vars(layer).items() if isinstance(values, np.ndarray)}
 
 
 def _repeated(row: AnyFloats, n_nodes: int) -> AnyFloats:
