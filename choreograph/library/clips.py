@@ -167,8 +167,10 @@ class ClipMotion:
         rows = np.clip(self._first_rows(clip) + frames, first, stop - 1)
         row = np.minimum(np.floor(rows).astype(np.int64), stop - 2)
         weight = (rows - row).astype(np.float32)[:, None, None, None]
-        before, after = self._root_frame(np.stack([row, row + 1]))  # (N, 2, 21, 3) each
-        both = before + weight * (after - before)
+        before, both = self._root_frame(np.stack([row, row + 1]))  # copies, (N, 2, 21, 3) each
+        both -= before
+        both *= weight
+        both += before
         return both[:, 0], both[:, 1]
 
     def _root_frame(self, rows: AnyInts) -> NDArray[np.float32]:

@@ -52,6 +52,10 @@ def measure_changes(folder: Path) -> None:
         "pin": {"pins": [cg.TakePin(40.0, 44.0, take)]},
         "ban": {"bans": [cg.Ban(take=take)]},
         "seed": {"seed": 1},
+        "keep": {"existing": first, "keep": [cg.Keep(0.0, DURATION_S / 2)]},
+        "genre": {"genre": "disco"},
+        "mixer": {"engine": "mixer"},
+        "rollout": {"engine": "rollout"},
         "nothing": {},
     }
     ratios = {}
@@ -65,3 +69,4 @@ def measure_changes(folder: Path) -> None:
         ratios[name] = in_session_s / fresh_s
         print(f"{name}: {in_session_s:.2f} s, anew {fresh_s:.2f} s, ratio {ratios[name]:.2f}")
     assert ratios["weight"] < 0.95
+    assert ratios["nothing"] < 0.1
