@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -143,6 +144,17 @@ def test_the_ends_of_a_dance_are_edited_and_still_held(made, repertoire):
     assert first_s < 0.5 and last_s > made.plan.duration_s - 0.5
     span_s = made.plan.opening_s, made.plan.closing_s
     assert (edited.plan.opening_s, edited.plan.closing_s) == span_s
+
+
+def test_a_pin_of_a_new_dance_says_for_how_long_its_take_is_danced(repertoire, song):
+    dance = cg.dance(song, repertoire, pins=[cg.TakePin(4.3, 6.2, "take1")], candidates=4)
+    (note,) = [note for note in dance.notes if note.startswith("4.3-6.2=take:take1 is danced from ")]
+    from_s, to_s = (float(number) for number in re.findall(r"\d+\.\d", note)[2:4])
+    assert from_s <= 4.3 and to_s >= 6.2 and to_s - from_s > 2.0
+    inside = sources(dance.plan, np.arange(from_s + 0.1, to_s - 0.1, 0.2))
+    assert {name for ((name, _, _),) in inside} == {"take1"}
+    pinned = cg.edit(cg.dance(song, repertoire, candidates=4), [cg.TakePin(4.3, 6.2, "take1")], repertoire)
+    assert not any("is danced from" in note for note in pinned.notes)
 
 
 def test_a_motion_file_is_edited_with_its_song(made, repertoire, song, tmp_path):
