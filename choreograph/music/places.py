@@ -50,8 +50,9 @@ class Places:
         """The span of a place. Raises `ParameterError` if the song has none of this number."""
         spans = self.spans_s.get(name, ())
         if not 1 <= number <= len(spans):
-            known = f"{name} 1 to {len(spans)}" if spans else f"a song whose {name} is known"
-            raise ParameterError(f"expected {known}, got {name} {number}")
+            known = f"{name} 1 to {len(spans)}" if spans else f"a song in which a {name} was found"
+            cure = "" if spans else ": write the time in seconds"
+            raise ParameterError(f"expected {known}, got {name} {number}{cure}")
         return spans[number - 1]
 
     def in_seconds(self, text: str, *, is_span: bool = False) -> str:

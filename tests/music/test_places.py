@@ -41,8 +41,8 @@ def test_names_become_seconds(text, is_span, expected):
     [
         ("bar 4", "expected bar 1 to 3, got bar 4"),
         ("bar 0", "expected bar 1 to 3"),
-        ("verse 1", "expected a song whose verse is known, got verse 1"),
-        ("section 1", "expected a song whose section is known"),
+        ("verse 1", "expected a song in which a verse was found, got verse 1: write the time in seconds"),
+        ("section 1", "expected a song in which a section was found"),
     ],
 )
 def test_places_that_the_song_does_not_have(text, said):
