@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import NO_MEMORY, Floats, Memory
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -258,13 +259,14 @@ def time_transitions(
     blending: str,
     fixed: Sequence[bool] = (),
     report: StepReport | None = None,
+    memory: Memory = NO_MEMORY,
 ) -> list[TransitionTiming]:
     """The time at which each run replaces the one before it, and the length of the transition (N,).
 
     A run begins at its instant of `joins_s` (N,), a count near its start, if both takes are long enough and
     neither run becomes shorter than 0.6 s. Otherwise, or if it is `fixed` (N,), it begins at its start. An
     inertial transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes
-    takes on the second.
+    takes on the second. `memory` is of the takes that `read_motion` reads.
     """
     starts = [runs[0].start_s] if runs else []
     for index, (before, after) in enumerate(pairwise(runs), start=1):
@@ -279,7 +281,11 @@ def time_transitions(
         starts.append(at_s if possible else after.start_s)
     lengths = []
     for (before, after), at_s in zip(pairwise(runs), starts[1:], strict=True):
-        lengths.append(_length_s(before, after, at_s, read_motion, fps, blending))
+        length_s = memory.value(
+            partial(_length_s, before, after, at_s, read_motion, fps, blending),
+            "length of a transition", before, after, at_s, fps, blending,
+        )  # fmt: skip
+        lengths.append(length_s)
         if report is not None:
             report(len(lengths) + 1, len(runs))
     return [

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import stepping
 
+from choreograph.core.numerics import Memory
 from choreograph.render.runs import Run, to_runs, with_transitions
 from choreograph.render.transitions import time_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S
@@ -38,6 +39,31 @@ def starts_s(timings) -> list[float]:
 def test_runs_take_over_on_their_counts():
     runs = seconds("aabbbcc")
     assert starts_s(timed(runs, [0.3, 1.7, 5.4])) == [0.0, 1.7, 5.4]  # the first at its start
+
+
+def test_known_transitions_are_timed_without_reading_their_takes():
+    memory, reads = Memory(1 << 20), []
+
+    def reading(take, start_s, stop_s):
+        reads.append(take)
+        return read(take, start_s, stop_s)
+
+    def timed_with_memory(runs, joins_s):
+        reads.clear()
+        return time_transitions(
+            runs, joins_s, LENGTHS_S, reading, fps=FPS, blending="inertial", memory=memory
+        )  # fmt: skip
+
+    for joins_s, wanted in (
+        ([0.3, 1.7, 5.4], ["a", "b", "b", "c"]),
+        ([0.3, 1.7, 5.4], []),
+        ([0.3, 1.7, 5.3], ["b", "c"]),
+    ):
+        found = timed_with_memory(seconds("aabbbcc"), joins_s)
+        assert reads == wanted
+        assert found == timed(seconds("aabbbcc"), joins_s)
+    timed_with_memory(seconds("aabbbcc", from_s=1.0), [0.3, 1.7, 5.4])
+    assert reads == ["a", "b", "b", "c"]
 
 
 @pytest.mark.parametrize(

@@ -179,7 +179,7 @@ def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
         runs, [float(joins_s[round(run.start_s)]) for run in runs],
         {take.name: take.duration_s for take in repertoire.takes}, take_motions(repertoire),
         fps=plan.fps, blending=plan.blending, fixed=fixed,
-        report=substage(request.report, "timing transitions"),
+        report=substage(request.report, "timing transitions"), memory=request.memory,
     )  # fmt: skip
     by_second = {round(run.start_s): timing for run, timing in zip(runs, timings, strict=True)}
     seconds = []
