@@ -100,6 +100,16 @@ def test_removed_takes_leave_what_a_build_without_them_makes(law, folders, tmp_p
     cg.dance(cg.example_songs()["cha-cha"], lacking.repertoire, duration_s=8.0, engine="mixer")
 
 
+@pytest.mark.slow
+def test_clips_of_a_library_without_motifs_are_compared_by_their_style(folders, tmp_path):
+    options = {"keep_networks": True, "words": False, "workers": 1}
+    base = cg.build(folders / "A", tmp_path / "base.h5", **options)
+    at_once = cg.build([folders / "A", folders / "B"], tmp_path / "all.h5", **options)
+    grown = cg.change_takes(base.path, add=folders / "B", workers=1)
+    assert grown.path.read_bytes() == at_once.path.read_bytes()
+    assert any("farther in style" in note for note in grown.notes)
+
+
 @pytest.fixture
 def small(tmp_path):
     """A repertoire of the takes take0 to take2 without networks, and a folder with a take `new`."""
