@@ -223,6 +223,7 @@ _CHANGES = ("--add", "--replace", "--remove")
 # The other options that a change of a repertoire has: those about the reading of sources.
 _OF_CHANGES = (
     *_CHANGES, "--output", "--quiet", "--leave-out", "--skip-bad", "--allow-outside", "--map", "--workers",
+    "--dask",
 )  # fmt: skip
 
 

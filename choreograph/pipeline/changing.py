@@ -41,7 +41,7 @@ def change_takes(
     output : the file to write instead
     report : called with the name of the stage, the work done so far, and all the work
     **settings : settings of `build` about the reading of sources: `leave_out`, `skip_bad`, `allow_outside`,
-        `bone_map` and `workers`
+        `bone_map`, `workers` and `dask`
 
     Returns the repertoire and what was unusual in the new takes. A note says how far they are from those that
     the networks were trained on.
