@@ -28,6 +28,7 @@ from choreograph.plan_parts import PlannedWord
 
 
 APART_M = 0.2  # mean joint distance of two pieces that look different
+_MOST_READ = 2048  # pieces, the cheapest by their counts, of which the poses at the ends are read
 _MOST_COMPARED = 256  # pieces, the cheapest by their ends, of which the poses within are read
 _POSES_PER_COUNT = 4
 _FAR = 0.75  # of the greatest distance from the dance there, if no piece is far enough from it
@@ -42,7 +43,6 @@ _FRONT_M = 0.25  # of a piece that is danced with the back to the audience
 _ENERGY_M = 0.2  # of half or twice the speed of the joints that the dance has there
 _AGAIN_M = 0.25  # of a part of a take that is danced at nearly the same time
 _SIMILAR = 1.5  # of the distance from the dance there, if a variation is asked for
-COST_NAMES = ("joins", "travel", "tempo", "count", "front", "genre", "energy", "again", "difference")
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +80,13 @@ def ranked_pieces(
     mean joint distance of 0.2 m, or of 0.1 m if it shall be similar. If none does, it is one of those that
     differ most.
     """
-    takes, rows, counts_s = _candidates(bank, around, slots, request)
-    if len(takes) == 0:
+    found = _candidates(bank, around, slots, request)
+    if len(found.takes) == 0:
         return []
-    costs = _costs_of_ends(bank, around, slots, takes, rows, counts_s)
-    cheapest = np.argsort(_total(costs), kind="stable")[:_MOST_COMPARED]
-    takes, rows, counts_s = takes[cheapest], rows[cheapest], counts_s[cheapest]
-    costs = {name: cost[cheapest] for name, cost in costs.items()}
+    found, costs = _cheapest(found, _costs_of_counts(bank, around, slots, found), _MOST_READ)
+    costs |= _costs_of_ends(bank, around, slots, found)
+    found, costs = _cheapest(found, costs, _MOST_COMPARED)
+    takes, rows, counts_s = found.takes, found.rows, found.counts_s
     shares = np.arange(
         slots.before * _POSES_PER_COUNT, (slots.end - slots.begin - slots.after) * _POSES_PER_COUNT
     )
@@ -141,18 +141,36 @@ def pose_distance_m(one_m: Floats, other_m: Floats) -> float:
     return float(np.linalg.norm(one_m - other_m, axis=-1).mean())
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Pieces of takes that fit the slots of an edit, M of them."""
+
+    takes: Indices  # (M,)
+    rows: Indices  # (M,) the counts of the takes on which they begin
+    counts_s: Floats  # (M, n + 1) times of the take at the bounds of all slots
+    positions: Indices  # (M,) in the bar, of the first count that was asked for
+
+
+def _cheapest(found: _Found, costs: dict[str, Floats], n: int) -> tuple[_Found, dict[str, Floats]]:
+    """The `n` pieces with the least costs, so that a large library needs no more time and memory."""
+    if len(found.takes) <= n:
+        return found, costs
+    rows = np.argsort(_total(costs), kind="stable")[:n]
+    kept = _Found(found.takes[rows], found.rows[rows], found.counts_s[rows], found.positions[rows])
+    return kept, {name: cost[rows] for name, cost in costs.items()}
+
+
 def _total(costs: dict[str, Floats]) -> Floats:
     total: Floats = np.sum(list(costs.values()), axis=0)
     return total
 
 
-def _candidates(
-    bank: PieceBank, around: Surroundings, slots: EditSlots, request: PieceRequest
-) -> tuple[Indices, Indices, Floats]:
-    """Takes (M,), the counts on which pieces begin (M,), and the times of all their counts (M, slots + 1)."""
+def _candidates(bank: PieceBank, around: Surroundings, slots: EditSlots, request: PieceRequest) -> _Found:
+    """All pieces that may be played for the slots of an edit, at half to twice their speed."""
     n = slots.end - slots.begin
     lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])  # (n,)
-    takes, rows, counts_s = [], [], []
+    none = np.zeros(0, np.int64)
+    takes, rows, counts_s, positions = [none], [none], [np.zeros((0, n + 1))], [none]
     for take in sorted(request.takes):
         times_s = bank.counts_s[take]
         if len(times_s) <= n:
@@ -161,17 +179,18 @@ def _candidates(
         ratio = np.diff(windows_s, axis=1) / lengths_s
         fits = ((ratio >= MIN_SLOPE) & (ratio <= MAX_SLOPE)).all(axis=1)
         found = np.flatnonzero(fits)
-        motifs = bank.motifs(take)
         if request.motif is not None:
-            found = found[motifs[found + slots.before] == request.motif]
+            found = found[bank.motifs(take)[found + slots.before] == request.motif]
         if len(request.banned):
-            found = found[~np.isin(motifs[found[:, None] + np.arange(n)], list(request.banned)).any(axis=1)]
+            motifs = bank.motifs(take)[found[:, None] + np.arange(n)]
+            found = found[~np.isin(motifs, list(request.banned)).any(axis=1)]
         takes.append(np.full(len(found), take))
         rows.append(found)
         counts_s.append(windows_s[found])
-    if not takes:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, n + 1))
-    return np.concatenate(takes), np.concatenate(rows), np.concatenate(counts_s)
+        positions.append(bank.positions[take][found + slots.before])
+    return _Found(
+        np.concatenate(takes), np.concatenate(rows), np.concatenate(counts_s), np.concatenate(positions)
+    )
 
 
 def _at(counts_s: Floats, index: Floats) -> Floats:
@@ -181,16 +200,33 @@ def _at(counts_s: Floats, index: Floats) -> Floats:
     return times_s
 
 
-def _costs_of_ends(
-    bank: PieceBank, around: Surroundings, slots: EditSlots, takes: Indices, rows: Indices, counts_s: Floats
+def _costs_of_counts(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, found: _Found
 ) -> dict[str, Floats]:
-    """What pieces (M,) cost because of their ends, their tempo, their counts and their genre."""
+    """What pieces (M,) cost because of their tempo, their counts and their genre, without their poses."""
+    lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])
+    ratio = np.diff(found.counts_s, axis=1) / lengths_s  # (M, n)
+    wanted = around.positions[slots.first]
+    known = (found.positions != UNKNOWN) & (wanted != UNKNOWN)
+    genres = np.array([info.credits.genre for info in bank.repertoire.takes])[found.takes]
+    others = ~np.isin(genres, [one.genre for one in around.credits(slots)])
+    return {
+        "tempo": _TEMPO_M * np.square(np.log2(ratio)).mean(axis=1),
+        "count": np.where(known & (found.positions != wanted), _COUNT_M, 0.0),
+        "genre": np.where(others, _GENRE_M, 0.0),
+    }
+
+
+def _costs_of_ends(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, found: _Found
+) -> dict[str, Floats]:
+    """What pieces (M,) cost because of their ends."""
     clips, times_s = bank.repertoire.clip_motion, around.bounds_s[[slots.begin, slots.end]]
     inside = np.array([slots.begin > 0, slots.end < len(around.bounds_s) - 1])  # of the dance
-    lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])
-    ratio = np.diff(counts_s, axis=1) / lengths_s  # (M, n)
-    ends_s = counts_s[:, [0, -1]][..., None] + ratio[:, [0, -1]][..., None] * AROUND_S  # (M, 2, 3)
-    poses_m = clips.poses_at(takes, ends_s)  # (M, 2, 3, 21, 3)
+    lengths_s = np.diff(around.bounds_s[slots.begin : slots.end + 1])[[0, -1]]
+    speeds = np.diff(found.counts_s, axis=1)[:, [0, -1]]  # (M, 2) in s of the take by count
+    ends_s = found.counts_s[:, [0, -1], None] + (speeds / lengths_s)[..., None] * AROUND_S  # (M, 2, 3)
+    poses_m = clips.poses_at(found.takes, ends_s)  # (M, 2, 3, 21, 3)
     here_m = around.poses_m(times_s[:, None] + AROUND_S)  # (2, 3, 21, 3)
     away_m = clips_to_root_frame(poses_m) - clips_to_root_frame(here_m)
     joins = np.sqrt(np.square(away_m).sum(axis=-1).mean(axis=(-2, -1)))  # (M, 2) in m
@@ -198,20 +234,11 @@ def _costs_of_ends(
     led_m = _walk_m(poses_m[:, :, 1], headings) - _walk_m(here_m[None, :, 1], here_rad[None])  # (M, 3)
     turn_rad = _wrapped((headings[:, 1] - headings[:, 0]) - (here_rad[1] - here_rad[0]))
     fast_m_s = (np.linalg.norm(led_m, axis=-1) + _RADIUS_M * np.abs(turn_rad)) / (times_s[1] - times_s[0])
-    turned_rad = here_rad[0] - (headings[:, 0] - clips.fronts_rad[takes])
-    position = np.array(
-        [bank.positions[take][row + slots.before] for take, row in zip(takes, rows, strict=True)]
-    )
-    wanted = around.positions[slots.first]
-    known = (position != UNKNOWN) & (wanted != UNKNOWN)
-    genres = np.array([info.credits.genre for info in bank.repertoire.takes])[takes]
+    turned_rad = here_rad[0] - (headings[:, 0] - clips.fronts_rad[found.takes])
     return {
         "joins": (joins * inside).sum(axis=1),
         "travel": _TRAVEL * fast_m_s * inside.all(),
-        "tempo": _TEMPO_M * np.square(np.log2(ratio)).mean(axis=1),
-        "count": _COUNT_M * (known & (position != wanted)),
         "front": _FRONT_M * 0.5 * (1.0 - np.cos(turned_rad)) * inside[0],
-        "genre": _GENRE_M * ~np.isin(genres, [one.genre for one in around.credits(slots)]),
     }
 
 
