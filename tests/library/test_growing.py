@@ -12,6 +12,7 @@ from choreograph.core.errors import ChoreographError, ParameterError, Repertoire
 from choreograph.core.files import folder_beside, locked_folder
 from choreograph.formats.register import save_motion
 from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import write_repertoire
 
 A, B = ("one", "two"), ("three", "four")
@@ -54,14 +55,20 @@ def law(request, folders, tmp_path_factory):
     def build_kept(sources, output):
         return build(sources, output, init, **options)
 
-    return build_kept, build_kept(folders / "A", folder / "base.h5")
+    return build_kept, build_kept(folders / "A", folder / "base.h5"), init
 
 
 @pytest.mark.slow
 def test_changed_repertoires_have_the_bytes_of_builds_of_all_takes(law, folders, tmp_path):
-    build_kept, base = law
+    build_kept, base, init = law
     before = base.read_bytes()
     expected = build_kept([folders / "A", folders / "B"], tmp_path / "all.h5").read_bytes()
+    of_init = RepertoireFile(cg.change_takes(init, add=folders / "B", output=tmp_path / "init.h5").path)
+    at_once = RepertoireFile(tmp_path / "all.h5")
+    for name, array in at_once.arrays().items():
+        np.testing.assert_array_equal(of_init.read(name), array)
+    # It states how the networks were made that it keeps, as before.
+    assert of_init.provenance["init_from"] == STARTER_PATH.name != at_once.provenance["init_from"]
 
     grown = tmp_path / "grown.h5"
     added = cg.change_takes(base, add=folders / "B", output=grown, workers=1)
@@ -90,7 +97,7 @@ def test_changed_repertoires_have_the_bytes_of_builds_of_all_takes(law, folders,
 
 @pytest.mark.slow
 def test_removed_takes_leave_what_a_build_without_them_makes(law, folders, tmp_path):
-    build_kept, base = law
+    build_kept, base, _ = law
     build_kept([folders / "A", folders / "B"], tmp_path / "all.h5")
     cg.change_takes(tmp_path / "all.h5", remove=B)
     assert (tmp_path / "all.h5").read_bytes() == base.read_bytes()
@@ -161,7 +168,7 @@ def test_takes_on_another_skeleton_are_moved_onto_that_of_the_repertoire(small, 
 
 
 def test_genres_that_the_networks_have_not_seen_are_named(law, folders, tmp_path):
-    _, base = law
+    _, base, _ = law
     (tmp_path / "polka").mkdir()
     shutil.copy(folders / "B" / "four.bvh", tmp_path / "polka" / "five.bvh")
     (tmp_path / "polka" / "manifest.csv").write_text("name,genre\nfive,polka\n")
