@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.nets import training
 from choreograph.nets.training import TrainingContext, load_pretrained, select_device, steps_of_epochs, train
 
 
@@ -100,6 +101,14 @@ def test_another_seed_gives_other_weights():
     _run(a, seed=0)
     _run(b, seed=1)
     assert not _equal(a, b)
+
+
+def test_the_rows_of_another_process_have_other_dropout(monkeypatch):
+    seen = []
+    for index in (0, 1):
+        monkeypatch.setattr(training, "process_index", lambda index=index: index)
+        _run(_module(), report=seen.append, steps=1)
+    assert seen[0].loss != pytest.approx(seen[1].loss, rel=1e-3)
 
 
 def test_log_is_json_lines_and_resumption_continues_it(tmp_path):
