@@ -134,14 +134,8 @@ def command(
 
 
 _WRITTEN = {"--signature": ".json", "--counts": ".csv", "--coverage": ".png"}
-_SHOWN = (
-    "--notes",
-    "--check",
-    "--lint",
-    "--movement",
-    "--plots",
-    *_WRITTEN,
-)  # of which one is shown at a time
+# Of which one is shown at a time.
+_SHOWN = ("--notes", "--check", "--lint", "--movement", "--plots", *_WRITTEN)
 
 
 def _check_options(take: str | None, output: Path | None, *, as_json: bool, with_notes: bool) -> None:

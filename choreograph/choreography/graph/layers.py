@@ -16,7 +16,6 @@ from choreograph.core.timebase import CLIP_S, NET_FPS, NODE_FRAMES, SEGMENT_S
 from choreograph.library.repertoire import Repertoire
 
 Moments = tuple[tuple[int, float], ...]  # number of each moment, and after which share of the second it is
-
 _TAKE_FRAMES = 1 << 24  # more than the frames of any take
 MIDDLE = 0.5  # share of a second
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a second
