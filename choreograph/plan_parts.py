@@ -159,7 +159,9 @@ def words_between(
 
 
 def _as_word(block: Block, start_s: float, end_s: float) -> PlannedWord:
-    first_s, last_s = (round(max(0.0, block.source_s(at_s)), 6) for at_s in (start_s, end_s))
+    # A block that goes on for its neighbour plays its own part more slowly. Its take may end there.
+    known_s = np.clip([block.source_s(s) for s in (start_s, end_s)], block.source_start_s, block.source_end_s)
+    first_s, last_s = np.maximum(known_s, 0.0).round(6).tolist()
     planned = block.planned
     if isinstance(planned, PlannedWord):
         return replace(planned, start_s=start_s, end_s=end_s, source_start_s=first_s, source_end_s=last_s)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from choreograph.core.errors import FormatError
 from choreograph.motion.motion import Credits
 from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit, PlannedSecond, PlannedWord
+from choreograph.plan_parts import PlannedEdit, PlannedSecond, PlannedWord, word_block, words_between
 from choreograph.settings import EngineName, Planner
 
 SCHEMA = json.loads(
@@ -78,6 +78,15 @@ def test_edits_round_trip_and_replace_what_was_planned(plan):
     for block in (b for b in blocks if not 0.5 < b.start_s < 1.6):  # what is left of a part keeps its times
         (whole,) = [b for b in plan.blocks if b.start_s <= block.start_s and b.end_s >= block.end_s]
         assert block.source_end_s == pytest.approx(whole.source_s(block.end_s))
+
+
+def test_parts_of_a_dance_as_words_read_no_take_beyond_what_is_danced():
+    blocks = [word_block(word(*span)) for span in ((0.0, 0.1), (0.1, 1.0), (1.0, 2.0), (2.0, 2.1))]
+    words = words_between(blocks, 0.0, 2.1, cuts_s=(0.5, 1.97, 2.05))
+    assert [(w.start_s, w.end_s) for w in words] == [(0.0, 0.5), (0.5, 1.0), (1.0, 2.1)]
+    assert (words[0].source_start_s, words[1].source_end_s) == (4.0, 5.125)  # those of the second block
+    assert (words[2].source_start_s, words[2].source_end_s) == (4.0, 5.25)
+    assert all(w.source_start_s < w.source_end_s for w in words)
 
 
 @pytest.mark.parametrize(
