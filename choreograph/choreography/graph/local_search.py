@@ -273,9 +273,10 @@ def _with_few_columns(
     takes = takes[: layers[0].take_usage_s.shape[1]]  # none if usage is not counted
     few = tuple(
         changed_layer(
-            layer, motifs=number[layer.motifs], motif_counts=layer.motif_counts[:, motifs],
+            layer, motifs=number[layer.motifs],
+            motif_counts=np.ascontiguousarray(layer.motif_counts[:, motifs]),  # as kernels are compiled for
             usage_column=np.searchsorted(takes, layer.usage_column),
-            take_usage_s=layer.take_usage_s[:, takes],
+            take_usage_s=np.ascontiguousarray(layer.take_usage_s[:, takes]),
         )
         for layer in layers
     )  # fmt: skip
