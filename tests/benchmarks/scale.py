@@ -10,8 +10,8 @@ Writes scale.md and scale.png. Needs Matplotlib, and 30 kB of disk for a clip.
 from __future__ import annotations
 
 import argparse
-import math
 import shutil
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -74,13 +74,16 @@ def _minutes(repertoire: cg.Repertoire) -> float:
     return sum(take.duration_s for take in repertoire.takes) / 60
 
 
-# The measured part, and lines through its last two sizes.
+# The measured part, and what follows from its last two sizes.
 
 
-def line_through(clips: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """Exponent and factor of values ∝ clips^exponent through the two largest sizes."""
-    exponent = math.log(values[-1] / values[-2]) / math.log(clips[-1] / clips[-2])
-    return exponent, values[-1] / clips[-1] ** exponent
+def projected(clips: np.ndarray, values: Sequence[float], n: Any) -> Any:
+    """The values for `n` clips if each further clip costs as much as those between the two largest sizes.
+
+    Measured values grew less from size to size.
+    """
+    slope = (values[-1] - values[-2]) / (clips[-1] - clips[-2])
+    return values[-1] + slope * (n - clips[-1])
 
 
 def plot(path: Path, rows: list[dict[str, Any]], n_projected: float) -> None:
@@ -91,7 +94,7 @@ def plot(path: Path, rows: list[dict[str, Any]], n_projected: float) -> None:
     import matplotlib.pyplot as plt
 
     clips = np.array([row["clips"] for row in rows], float)
-    beyond = np.array([clips[-1], n_projected])
+    beyond = np.geomspace(clips[-1], n_projected)
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
     series = {
         "open": [row["open"][1] for row in rows],
@@ -104,8 +107,7 @@ def plot(path: Path, rows: list[dict[str, Any]], n_projected: float) -> None:
     ):
         for name, values in of_axis.items():
             [line] = axis.plot(clips, values, "o-", label=name)
-            exponent, factor = line_through(clips, np.array(values))
-            axis.plot(beyond, factor * beyond**exponent, "--", color=line.get_color())
+            axis.plot(beyond, projected(clips, values, beyond), "--", color=line.get_color())
         axis.set(xscale="log", yscale="log", xlabel="clips", ylabel=unit)
         axis.legend(title="dashed: projected")
         axis.grid(alpha=0.3)
@@ -121,8 +123,8 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
         "# What an archive costs",
         "",
         "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes` wrote this page. Seconds "
-        "are of CPU time on one core of the machine that ran it. A projection is a line through the two "
-        "largest sizes that were measured.",
+        "are of CPU time on one core of the machine that ran it. A projection supposes that every further "
+        "clip costs as much as those between the two largest sizes. Costs grew less from size to size.",
         "",
         "![Measured and projected](scale.png)",
         "",
@@ -153,16 +155,14 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
             f"{row['first'][1]:.1f} s | {row['second'][1]:.1f} s | {row['peak_gb']:.2f} GB |"
         )
     for n in (1e6, n_clips):
-        cells = []
-        for values in (
+        columns = (
             [row["open"][1] for row in rows], [row["first"][1] for row in rows],
             [row["second"][1] for row in rows], [row["peak_gb"] for row in rows],
-        ):  # fmt: skip
-            exponent, factor = line_through(clips, np.array(values))
-            cells.append(factor * n**exponent)
+        )  # fmt: skip
+        cells = [projected(clips, values, n) for values in columns]
         lines.append(
             f"| {n:,.0f}, projected | {n / costs.clips / 60:,.0f} | {cells[0]:.1f} s | {cells[1]:,.0f} s | "
-            f"{cells[2]:,.0f} s | {cells[3]:.1f} GB |"
+            f"{cells[2]:,.0f} s | {cells[3]:,.1f} GB |"
         )
     return "\n".join([*lines, ""])
 
