@@ -97,7 +97,23 @@ class TakePin:
 
 
 @dataclass(frozen=True)
-class Keep:
+class Span:
+    """A part of a dance, from `start_s` to `end_s` in seconds. Raises `ParameterError` for other values."""
+
+    start_s: float
+    end_s: float
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        check_times(self, "start_s", "end_s")
+
+    def __str__(self) -> str:
+        return f"{self.start_s:g}-{self.end_s:g}"
+
+
+@dataclass(frozen=True, repr=False)
+class Keep(Span):
     """Keep a part of another dance to the same song as it is.
 
     Parameters
@@ -116,17 +132,6 @@ class Keep:
     >>> np.array_equal(first.motion.root_pos_m[:180], second.motion.root_pos_m[:180])
     True
     """
-
-    start_s: float
-    end_s: float
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        check_times(self, "start_s", "end_s")
-
-    def __str__(self) -> str:
-        return f"{self.start_s:g}-{self.end_s:g}"
 
 
 @dataclass(frozen=True)

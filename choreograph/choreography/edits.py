@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from choreograph.choreography.constraints import Ban, Keep, MotifPin, TakePin, check_times, parse_keep
+from choreograph.choreography.constraints import Ban, Keep, MotifPin, Span, TakePin, check_times, parse_keep
 from choreograph.core.arguments import check_kind
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
@@ -20,8 +20,8 @@ from choreograph.plan_parts import TOUCH_S
 # What can be asked for. Times are in seconds of the dance, and are moved to the nearest counts.
 
 
-@dataclass(frozen=True)
-class Swap:
+@dataclass(frozen=True, repr=False)
+class Swap(Span):
     """Dance something else from one time of an existing dance to another.
 
     Parameters
@@ -40,20 +40,12 @@ class Swap:
     'swap 4-6'
     """
 
-    start_s: float
-    end_s: float
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        check_times(self, "start_s", "end_s")
-
     def __str__(self) -> str:
-        return f"swap {self.start_s:g}-{self.end_s:g}"
+        return f"swap {Span.__str__(self)}"
 
 
-@dataclass(frozen=True)
-class Vary:
+@dataclass(frozen=True, repr=False)
+class Vary(Span):
     """Dance something similar from one time of an existing dance to another.
 
     Parameters
@@ -72,16 +64,8 @@ class Vary:
     True
     """
 
-    start_s: float
-    end_s: float
-
-    __repr__ = one_line
-
-    def __post_init__(self) -> None:
-        check_times(self, "start_s", "end_s")
-
     def __str__(self) -> str:
-        return f"vary {self.start_s:g}-{self.end_s:g}"
+        return f"vary {Span.__str__(self)}"
 
 
 @dataclass(frozen=True)

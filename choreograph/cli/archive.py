@@ -26,7 +26,7 @@ def show_check(repertoire: Repertoire, *, as_json: bool) -> None:
     """Read a whole repertoire and print that nothing is damaged. Raises `RepertoireError` if a block is."""
     with stages(quiet=as_json) as shown:
         repertoire.verify(partial(shown.report, "checking"))
-    n_bytes = repertoire.path.stat().st_size
+    n_bytes = sum(path.stat().st_size for path in repertoire.paths)
     if as_json:
         click.echo(
             json.dumps({"path": str(repertoire.path), "is_intact": True, "n_bytes": n_bytes}, indent=1)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any, TypeVar
 
 from choreograph.core.errors import ChoreographError
@@ -64,12 +64,11 @@ class Cluster:
                 raise WorkerKilled from error
             except (CancelledError, CommClosedError, OSError) as error:
                 losses += 1
-                if losses > _MOST_LOSSES:
+                if losses > _MOST_LOSSES or not self._is_back():
                     raise ChoreographError(
-                        f"expected the scheduler {self.address} to answer, lost it {losses} times: "
-                        "is it running?"
+                        f"expected the scheduler {self.address} and its workers to answer, lost them: are "
+                        "they running?"
                     ) from error
-                self._wait()
 
     def _in_order(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
         """Results in order. Only as many inputs are sent as workers need, since some are whole takes."""
@@ -86,9 +85,15 @@ class Cluster:
         finally:
             self._client.cancel(list(running))
 
-    def _wait(self) -> None:
-        """Wait until the scheduler is back with a worker, or not any longer."""
-        self._client.wait_for_workers(1, timeout=_CONNECT_S)
+    def _is_back(self) -> bool:
+        """Whether the scheduler has a worker, now or within some seconds."""
+        from distributed.comm import CommClosedError
+
+        try:
+            self._client.wait_for_workers(1, timeout=_CONNECT_S)
+        except (CommClosedError, OSError):  # a time that is over is an OSError
+            return False
+        return True
 
 
 @contextmanager
@@ -130,10 +135,7 @@ def _check_workers(client: Any, address: str) -> None:
                 "start them with `dask worker --nthreads 1`"
             )
     own = version("choreograph")
-    for worker, found in client.run(_installed_version).items():
+    for worker, found in client.run(version, "choreograph", on_error="return").items():
         if found != own:
-            raise ChoreographError(f"expected choreograph {own} in every worker, got {found} in {worker}")
-
-
-def _installed_version() -> str:
-    return version("choreograph")
+            got = "none" if isinstance(found, PackageNotFoundError) else found
+            raise ChoreographError(f"expected choreograph {own} in every worker, got {got} in {worker}")

@@ -208,10 +208,15 @@ def open_files(paths: Sequence[Path]) -> AnyFile:
     """
     if not paths:
         raise RepertoireError("expected repertoire files, got none")
-    files = [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
+    files = files_of(paths)
     if len(files) == 1:
         return RepertoireFile(files[0])
     return RepertoireShards(files, paths[0] if len(paths) == 1 else Path("+".join(p.name for p in paths)))
+
+
+def files_of(paths: Sequence[Path]) -> list[Path]:
+    """Files, and those of folders. Raises `RepertoireError` for a folder without repertoire files."""
+    return [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
 
 
 def _files_in(folder: Path) -> list[Path]:
@@ -233,10 +238,10 @@ def _check_same(first: RepertoireFile, other: RepertoireFile) -> None:
 
 
 def _differs(what: str, first: RepertoireFile, other: RepertoireFile) -> str:
-    return (
-        f"{other.path}: expected the {what} of {first.path.name}, got others: build it again with "
-        f"`--init-from {first.path.name} --keep-networks`"
-    )
+    cure = f"build it again with `--init-from {first.path.name} --keep-networks`"
+    if what == "skeleton":
+        cure = f"`build-db --add TAKES {first.path.name}` retargets takes to it"
+    return f"{other.path}: expected the {what} of {first.path.name}, got another: {cure}"
 
 
 def _skeleton(file: RepertoireFile) -> bytes:

@@ -244,14 +244,10 @@ def test_build_options(tmp_path, monkeypatch, given, expected):
     assert_one_line(run("build-db", tmp_path, "-o", "r.h5", *given), says=says)
 
 
-def test_a_list_of_names_must_be_readable(tmp_path):
-    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--leave-out", f"@{tmp_path / 'none.txt'}")
-    assert_one_line(result, says="none.txt")
-
-
-def test_pretrained_networks_must_be_there(tmp_path):
-    result = run("build-db", tmp_path, "-o", tmp_path / "r.h5", "--init-from", tmp_path / "none.h5")
-    assert_one_line(result, says="none.h5")
+@pytest.mark.parametrize(("option", "file"), [("--leave-out", "@none.txt"), ("--init-from", "none.h5")])
+def test_files_that_options_name_must_be_there(tmp_path, monkeypatch, option, file):
+    monkeypatch.chdir(tmp_path)
+    assert_one_line(run("build-db", tmp_path, "-o", "r.h5", option, file), says=file.removeprefix("@"))
 
 
 def test_unknown_sets_of_networks_are_refused(tmp_path):

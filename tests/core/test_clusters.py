@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from schedulers import ended, free_port, scheduler_at, scheduler_with_workers, started, wait_for, worker_of
 
+from choreograph.core import clusters
 from choreograph.core.clusters import connected
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.core.workers import cluster, each
@@ -102,6 +103,20 @@ def test_a_scheduler_that_is_started_again_gets_the_work_again(tmp_path):
             with ended(again, second):
                 seen += list(results)
     assert len(seen) == 30
+
+
+def test_a_scheduler_that_is_gone_is_said_in_a_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(clusters, "_CONNECT_S", 3.0)
+    address = f"tcp://127.0.0.1:{(port := free_port())}"
+    scheduler, worker = scheduler_at(port), worker_of(address, tmp_path)
+    with ended(worker, scheduler):
+        wait_for(address, 1)
+        with cluster(address):
+            results = each(where, range(30))
+            next(results)
+            scheduler.kill()
+            with pytest.raises(ChoreographError, match=f"expected the scheduler {address} .* lost them"):
+                list(results)
 
 
 def test_a_paused_worker_holds_up_only_its_own_work(tmp_path):

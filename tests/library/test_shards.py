@@ -162,7 +162,7 @@ def test_files_that_do_not_fit_are_refused_by_name(contents, folder, tmp_path):
             wrong = replace(wrong, arrays={n: a for n, a in wrong.arrays.items() if "motifs/" not in n})
         write_repertoire(path, wrong)
         with pytest.raises(
-            RepertoireError, match=f"{number}.h5: expected the {what} of a.h5, got others: .*--keep"
+            RepertoireError, match=f"{number}.h5: expected the {what} of a.h5, got another: .*build"
         ):
             cg.Repertoire.open([folder / "a.h5", path])
 
@@ -196,6 +196,11 @@ def test_a_file_that_is_built_with_the_networks_and_motifs_of_another_fits_it(tm
     cg.build(tmp_path / "more", tmp_path / "alone.h5", preset="tiny")
     kept = {"init_from": archive / "a.h5", "keep_networks": True}
     cg.build(tmp_path / "more", archive / "b.h5", preset="tiny", **kept)
-    assert len(cg.Repertoire.open(archive).takes) == 6
-    with pytest.raises(RepertoireError, match=r"alone\.h5: expected the .* of a\.h5, got others"):
+    both = cg.Repertoire.open(archive)
+    assert len(both.takes) == 6
+    of_folder = cg.build(
+        tmp_path / "more", tmp_path / "c.h5", preset="tiny", **{**kept, "init_from": archive}
+    )
+    assert of_folder.repertoire.motif_set == both.motif_set
+    with pytest.raises(RepertoireError, match=r"alone\.h5: expected the .* of a\.h5, got another"):
         cg.Repertoire.open([archive / "a.h5", tmp_path / "alone.h5"])

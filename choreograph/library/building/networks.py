@@ -23,6 +23,7 @@ from choreograph.library.builtin import PretrainedNet, shipped_checksums
 from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
+from choreograph.library.shards import files_of
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.music.rhythm import rhythm_features
@@ -81,6 +82,7 @@ def training_content(
 
     Settings in the configuration of a network (sizes, steps, seed) are not repeated.
     """
+    init_from = [] if options.init_from is None else [options.init_from]
     content = {
         "choreograph": version("choreograph"),
         "beats": options.beats,
@@ -88,7 +90,7 @@ def training_content(
         "precision": options.precision,
         "pretrained": _digest([options.pretrained, *shipped_checksums(options.pretrained)]),
         "keep_networks": str(options.keep_networks),
-        "init_from": "" if options.init_from is None else sha256_of(options.init_from)[:_DIGITS],
+        "init_from": _digest([sha256_of(path) for path in files_of(init_from)]) if init_from else "",
     }
     for index, m in enumerate(measured):
         take = m.take
