@@ -1,5 +1,7 @@
 """Analyses of songs, kept in the user's cache, so that another dance to a song does not analyse it again.
 
+The motifs of spans of takes are kept in another folder, since most spans of two dances are the same.
+
 An entry is one file, whose name is a digest of everything that the analysis depends on: the samples, the
 repertoire, the options, and the program itself. It holds arrays and JSON, and nothing that is executed. It is
 written at once, and read only if its checksum is right. The entries that were not used for the longest time
@@ -13,8 +15,8 @@ import io
 import json
 import logging
 import os
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
@@ -28,6 +30,7 @@ from choreograph.core.counts import Counts
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, cache_folder, sha256_of
 from choreograph.core.numerics import Floats, digest
+from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker
 from choreograph.music.form import Form, Phrase, Sections
@@ -68,6 +71,47 @@ def kept_rows(song: Song, name: str, times_s: Floats, make: Callable[[], Array])
     return rows
 
 
+_MOST_SPANS = 1 << 19  # of takes whose motifs are kept: 5 MB
+_FEWEST_NEW = 512  # spans, whose motifs take longer to compute than to write
+
+
+@contextmanager
+def kept_spans(repertoire: Repertoire, *, keep: bool) -> Iterator[SpanMotifLookup]:
+    """The motifs of spans of takes, with those that earlier dances looked up. New ones are kept, too.
+
+    The key is that of the files' state, of their motifs, and of the network. Without `keep`, nothing is read
+    and nothing is written.
+    """
+    spans = repertoire.span_motifs
+    folder, _ = cache_folder("motifs") if keep else (None, "")
+    if folder is None:
+        yield spans
+        return
+    net, motifs = repertoire.word_net(), repertoire.vocabulary.motifs
+    files = [(str(path.resolve()), _state(path)) for path in repertoire.paths]
+    key = digest(_program(), "spans", files, motifs.embeddings, net.config, net.weights)
+    path = folder / f"{key.hex()}.npz"
+    content = _read(path)
+    if content is not None:
+        with np.load(io.BytesIO(content), allow_pickle=False) as stored:
+            spans.add(stored["keys"], stored["motifs"])
+    n_known = len(spans.known[0])
+    yield spans
+    if n_known + _FEWEST_NEW <= len(spans.known[0]) <= _MOST_SPANS:
+        written = io.BytesIO()
+        np.savez(written, **dict(zip(("keys", "motifs"), spans.known, strict=True)))
+        _write(path, written.getvalue())
+
+
+def _state(path: Path) -> tuple[int, int]:
+    """The time of the last change of a file, and its size, or zeros if it is gone."""
+    try:
+        status = path.stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
+
+
 def _sha256(samples: Array) -> bytes:
     """A checksum of samples, which takes half the time of `digest`."""
     return hashlib.sha256(np.ascontiguousarray(samples).data).digest()
@@ -84,13 +128,18 @@ def _kept(key: bytes, make: Callable[[], bytes]) -> bytes:
     if kept is not None:
         return kept
     content = make()
+    _write(path, content)
+    return content
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write an entry with a checksum, and remove the oldest ones if there are too many."""
     try:
         with atomic_path(path) as temporary:
             temporary.write_bytes(hashlib.sha256(content).digest() + content)
     except ChoreographError as error:
         _log.warning("the analysis of the song is not kept: %s", error)
-    _remove_oldest(folder)
-    return content
+    _remove_oldest(path.parent)
 
 
 def tracker_digest(beats: str | Path) -> str:

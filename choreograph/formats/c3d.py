@@ -11,9 +11,8 @@ from pathlib import Path
 
 import c3d
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.ndimage import median_filter
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
@@ -156,13 +155,13 @@ def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
     if len(known) == 1:
         return np.repeat(pos[known], len(pos), axis=0)
     frames = np.arange(len(pos)).clip(known[0], known[-1])
-    filled: Floats = PchipInterpolator(known, pos[known])(frames)
+    filled: Floats = scipy.interpolate.PchipInterpolator(known, pos[known])(frames)
     return filled
 
 
 def _jumps(pos_m: Floats) -> NDArray[np.bool_]:
     """Samples (T,) at which a marker was confused with another, or a reflection, for one or two frames."""
-    usual = median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
+    usual = scipy.ndimage.median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
     is_far: NDArray[np.bool_] = np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
     return is_far
 

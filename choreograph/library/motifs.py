@@ -204,6 +204,16 @@ _STARTS = 2**21  # start bins: more than a day
 _AT_ONCE = 128  # words, always as many: the rounding of a product of matrices depends on their number
 
 
+KnownSpans = tuple[Indices, NDArray[np.int16]]  # increasing keys (N,) of spans, and their motifs (N,)
+
+
+def _joined(some: KnownSpans, others: KnownSpans) -> KnownSpans:
+    """The spans of both, which have no key in common."""
+    keys, motifs = (np.concatenate(parts) for parts in zip(some, others, strict=True))
+    order = np.argsort(keys)
+    return keys[order], motifs[order]
+
+
 class SpanMotifLookup:
     """Motifs of spans of takes, for the graph.
 
@@ -224,7 +234,18 @@ class SpanMotifLookup:
         self._poses_at = poses_at
         self._embed = embed
         self._motifs = motifs
-        self._known = np.zeros(0, np.int64), np.zeros(0, np.int16)  # sorted keys, and their motifs
+        self._known: KnownSpans = (np.zeros(0, np.int64), np.zeros(0, np.int16))
+
+    @property
+    def known(self) -> KnownSpans:
+        """The keys (N,) of the spans that are known, increasing, and their motifs (N,)."""
+        return self._known
+
+    def add(self, keys: Indices, motifs: NDArray[np.int16]) -> None:
+        """Add spans that a lookup of the same takes, motifs and network knew, as its `known`."""
+        known = self._known  # of one moment, since threads may share a lookup
+        new = ~np.isin(keys, known[0])
+        self._known = _joined(known, (keys[new], motifs[new]))
 
     def motifs_of(self, take: Indices, start_s: AnyFloats, stop_s: AnyFloats) -> NDArray[np.int16]:
         """Motifs (...) of spans, all arrays (...). Beyond its ends a take holds its first or last pose."""
@@ -236,13 +257,11 @@ class SpanMotifLookup:
         key = np.round(middle / _START_STEP_S).astype(np.int64) * _LENGTHS + np.minimum(length, _LENGTHS - 1)
         key += np.asarray(take, np.int64) * (_STARTS * _LENGTHS)
         unique, inverse = np.unique(key, return_inverse=True)
-        keys, motifs = self._known  # of one moment, since threads may share a lookup
-        new = np.setdiff1d(unique, keys, assume_unique=True)
+        known = self._known
+        new = np.setdiff1d(unique, known[0], assume_unique=True)
         if len(new):
-            keys = np.concatenate([keys, new])
-            motifs = np.concatenate([motifs, self._motifs_of_keys(new)])
-            order = np.argsort(keys)
-            keys, motifs = self._known = keys[order], motifs[order]
+            known = self._known = _joined(known, (new, self._motifs_of_keys(new)))
+        keys, motifs = known
         return motifs[np.searchsorted(keys, unique)][inverse].reshape(key.shape)
 
     def _motifs_of_keys(self, keys: Indices) -> NDArray[np.int16]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
@@ -54,7 +54,7 @@ def _turns_from_motion(motion: Motion) -> Floats:
         if joint in roles:
             # With world rotation R of the joint and S of its retargeted twin, the bind rotation is S⁻¹ R.
             relative = rot.multiply(rot.invert(twin_quat[:, roles[joint]]), quat[:, joint])
-            mean = Rotation.from_quat(relative, scalar_first=True).mean()
+            mean = scipy.spatial.transform.Rotation.from_quat(relative, scalar_first=True).mean()
             turns[joint] = mean.as_quat(scalar_first=True)
         elif joint:
             turns[joint] = turns[skeleton.parents[joint]]
@@ -100,7 +100,9 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
                 main = int(np.argmax(np.abs(upright[:, 1])))
                 turns[joint] = rot.between(lying[main], upright[main])
             else:
-                turns[joint] = Rotation.align_vectors(upright, lying)[0].as_quat(scalar_first=True)
+                turns[joint] = scipy.spatial.transform.Rotation.align_vectors(upright, lying)[0].as_quat(
+                    scalar_first=True
+                )
         elif joint:
             turns[joint] = turns[skeleton.parents[joint]]
     return turns

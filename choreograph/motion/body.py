@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, frame_blocks
@@ -89,7 +89,7 @@ def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float)
         return pos
     times_s = frame_times_s(len(pos), fps)
     n_frames = int(times_s[-1] * target_fps + 1e-6) + 1
-    pos_m: NDArray[np.float64] = CubicSpline(times_s, pos)(
+    pos_m: NDArray[np.float64] = scipy.interpolate.CubicSpline(times_s, pos)(
         np.minimum(frame_times_s(n_frames, target_fps), times_s[-1])
     )
     return pos_m

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.interpolate import CubicHermiteSpline
-from scipy.linalg import solveh_banded
 
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
@@ -35,7 +34,7 @@ def bridged(values: Floats, spans: Iterable[Span]) -> Floats:
             continue
         ends, beyond = values[[start - 1, stop]], values[[start - 2, stop + 1]]
         rates = (ends - beyond) * np.array([1.0, -1.0]).reshape(-1, *[1] * (values.ndim - 1))
-        curve = CubicHermiteSpline([start - 1, stop], ends, rates)
+        curve = scipy.interpolate.CubicHermiteSpline([start - 1, stop], ends, rates)
         path[start:stop] = curve(np.arange(start, stop))
     return path
 
@@ -135,7 +134,7 @@ def _off_path_m(pos_m: Floats, length: int) -> Floats:
         return np.zeros((0, pos_m.shape[1]))
     windows = np.moveaxis(sliding_window_view(pos_m, length + 4, axis=0), -1, 0)  # (length + 4, N, J, 3)
     ends, rates = windows[[1, -2]], np.stack([windows[1] - windows[0], windows[-1] - windows[-2]])
-    smooth = CubicHermiteSpline([0, length + 1], ends, rates)(np.arange(1, length + 1))
+    smooth = scipy.interpolate.CubicHermiteSpline([0, length + 1], ends, rates)(np.arange(1, length + 1))
     straight = np.linspace(ends[0], ends[1], length + 2)[1:-1]
     off_m = [np.linalg.norm(windows[2:-2] - path, axis=-1).max(axis=0) for path in (smooth, straight)]
     nearest_m: Floats = np.minimum(*off_m)
@@ -181,6 +180,6 @@ def smoothed_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
     bands[1, 1:] += link[1:]
     bands[1, :-1] += link[1:]
     bands[0, 1:] = -link[1:]
-    smooth = solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
+    smooth = scipy.linalg.solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
     angle: Floats = np.arctan2(smooth[:, 1], smooth[:, 0])
     return angle

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d, percentile_filter
-from scipy.special import expit
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
@@ -85,8 +84,8 @@ def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
     """
     lowest = _lowest(foot_pos_m)
     window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
-    envelope = percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
-    floor_m: Floats = gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+    envelope = scipy.ndimage.percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
+    floor_m: Floats = scipy.ndimage.gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
     return floor_m
 
 
@@ -130,11 +129,11 @@ def contacts_above(
 ) -> NDArray[np.float64]:
     """`foot_contacts` (T, 4) from these joints alone (T, 4, 3), with the height of each in contact, (4,)."""
     height = feet[..., 1] - floor_m  # (T, 4)
-    smooth = gaussian_filter1d(feet, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest")
+    smooth = scipy.ndimage.gaussian_filter1d(feet, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
-    confidence = expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
-    contacts: NDArray[np.float64] = gaussian_filter1d(
+    confidence = scipy.special.expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
+    contacts: NDArray[np.float64] = scipy.ndimage.gaussian_filter1d(
         confidence, _CONTACT_SMOOTH_S * fps, axis=0, mode="nearest"
     ).clip(0.0, 1.0)
     return contacts

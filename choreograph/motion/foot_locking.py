@@ -6,9 +6,8 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
-from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, frame_blocks
@@ -120,13 +119,13 @@ def locking_shift(
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:
-        shift_m: Floats = solveh_banded(bands, wanted, lower=True)
+        shift_m: Floats = scipy.linalg.solveh_banded(bands, wanted, lower=True)
         return shift_m
     n_given = len(given_m)
     for below in range(1, _ORDER + 1):  # the terms of given shifts in the equations of later frames
         for given in range(max(0, n_given - below), n_given):
             wanted[given + below] -= bands[below, given] * given_m[given]
-    rest = solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
+    rest = scipy.linalg.solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
     return np.concatenate([given_m, rest])
 
 
@@ -168,7 +167,9 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is not below `amount` anywhere, up to the tails of its smoothing."""
     if not amount.any():
         return amount
-    cover: Floats = gaussian_filter1d(maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest")
+    cover: Floats = scipy.ndimage.gaussian_filter1d(
+        scipy.ndimage.maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest"
+    )
     return cover
 
 

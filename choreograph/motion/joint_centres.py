@@ -17,9 +17,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
@@ -142,7 +141,7 @@ def _hip(markers: Markers, side: str) -> Floats:
         radii = [np.linalg.norm(pos - centre, axis=-1) for pos in local]
         return np.concatenate([*(radius - radius.mean() for radius in radii), prior * (centre - guess)])
 
-    return _out_of(pelvis, least_squares(residuals, guess).x)
+    return _out_of(pelvis, scipy.optimize.least_squares(residuals, guess).x)
 
 
 def _hinge(
@@ -195,7 +194,7 @@ def _centre(segments: tuple[Segment, Segment], guess: Floats, axes: Sequence[Flo
     (origin, basis), (other_origin, other_basis) = segments
     apart = np.concatenate([basis[kept], -other_basis[kept]], axis=2).reshape(-1, 6)  # (3K, 6)
     offset = (other_origin - origin)[kept].ravel()  # (3K,)
-    prior = np.sqrt(len(kept)) * block_diag(
+    prior = np.sqrt(len(kept)) * scipy.linalg.block_diag(
         *(_CENTRE_PRIOR * np.eye(3) + _AXIS_PRIOR * np.outer(axis, axis) for axis in axes)
     )
     solved, *_ = np.linalg.lstsq(np.concatenate([apart, prior]), np.concatenate([offset, prior @ guesses]))

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from choreograph.core.numerics import Floats
+from choreograph.core.splines import monotone_cubic
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,7 @@ class Rings:
 
 def smooth_rows(table: Floats, at: Floats) -> Floats:
     """Rows (R, C - 1) interpolated in a table whose first column increases, without overshoot."""
-    rows: Floats = PchipInterpolator(table[:, 0], table[:, 1:], axis=0)(at)
-    return rows
+    return monotone_cubic(table[:, 0], table[:, 1:], at)
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:

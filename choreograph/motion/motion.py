@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
 from choreograph.core.arguments import (
     as_floats,
@@ -197,7 +197,7 @@ def _spline_frames(values: NDArray[np.float64], frames: NDArray[np.float64]) -> 
     bands = np.ones((3, len(values)))
     bands[1, 1:-1] = 4.0
     bands[0, 1] = bands[2, -2] = 2.0
-    rate = solve_banded((1, 1), bands, right.reshape(len(values), -1), check_finite=False)
+    rate = scipy.linalg.solve_banded((1, 1), bands, right.reshape(len(values), -1), check_finite=False)
     rate = rate.reshape(values.shape)
     low = np.minimum(frames.astype(np.int64), len(values) - 2)
     past = (frames - low).reshape(-1, *[1] * (values.ndim - 1))

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices
@@ -29,7 +29,7 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
         raise ParameterError(f"expected joint positions (T, J, 3), got {pos.shape}")
     if len(pos) < 2:
         return np.zeros(len(pos))
-    smooth = gaussian_filter1d(pos, SMOOTHING_S * fps, axis=0, mode="nearest")
+    smooth = scipy.ndimage.gaussian_filter1d(pos, SMOOTHING_S * fps, axis=0, mode="nearest")
     speed_m_s: NDArray[np.float64] = np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
     return speed_m_s
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
@@ -328,12 +328,16 @@ def _unit(vector: Floats) -> Floats:
 
 def _mean_rotation(quat: Floats) -> Floats:
     """Mean rotation (4,) of rotations (T, 4)."""
-    mean: Floats = Rotation.from_quat(quat, scalar_first=True).mean().as_quat(scalar_first=True)
+    mean: Floats = (
+        scipy.spatial.transform.Rotation.from_quat(quat, scalar_first=True).mean().as_quat(scalar_first=True)
+    )
     return mean
 
 
 def _alignment(source: list[Floats], target: list[Floats], weights: list[float] | None = None) -> Floats:
     """The rotation (4,) that best aligns directions `source` with `target`."""
-    rotation, _ = Rotation.align_vectors(np.array(target), np.array(source), weights=weights)
+    rotation, _ = scipy.spatial.transform.Rotation.align_vectors(
+        np.array(target), np.array(source), weights=weights
+    )
     quat: Floats = rotation.as_quat(scalar_first=True)
     return quat

@@ -6,7 +6,7 @@ Conventions: unit, right-handed, active (`rotate(q, v)` rotates v). `multiply(a,
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from choreograph.core.numerics import Floats, frame_blocks
 
@@ -89,42 +89,50 @@ def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
 
 def from_rotvec(rotvec: Floats) -> Floats:
     """Quaternions (..., 4) of rotation vectors (..., 3) in radians."""
-    flat = Rotation.from_rotvec(np.reshape(rotvec, (-1, 3))).as_quat(scalar_first=True)
+    flat = scipy.spatial.transform.Rotation.from_rotvec(np.reshape(rotvec, (-1, 3))).as_quat(
+        scalar_first=True
+    )
     quat: Floats = flat.reshape(*rotvec.shape[:-1], 4)
     return quat
 
 
 def to_rotvec(quat: Floats) -> Floats:
     """Rotation vectors (..., 3) in radians, with angles of at most π, of quaternions (..., 4)."""
-    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True).as_rotvec()
+    flat = scipy.spatial.transform.Rotation.from_quat(
+        np.reshape(quat, (-1, 4)), scalar_first=True
+    ).as_rotvec()
     rotvec: Floats = flat.reshape(*quat.shape[:-1], 3)
     return rotvec
 
 
 def from_matrix(matrix: Floats) -> Floats:
     """Quaternions (..., 4) of rotation matrices (..., 3, 3)."""
-    flat = Rotation.from_matrix(np.reshape(matrix, (-1, 3, 3))).as_quat(scalar_first=True)
+    flat = scipy.spatial.transform.Rotation.from_matrix(np.reshape(matrix, (-1, 3, 3))).as_quat(
+        scalar_first=True
+    )
     quat: Floats = flat.reshape(*matrix.shape[:-2], 4)
     return quat
 
 
 def to_matrix(quat: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) of quaternions (..., 4)."""
-    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True).as_matrix()
+    flat = scipy.spatial.transform.Rotation.from_quat(
+        np.reshape(quat, (-1, 4)), scalar_first=True
+    ).as_matrix()
     matrix: Floats = flat.reshape(*quat.shape[:-1], 3, 3)
     return matrix
 
 
 def from_euler(order: str, angles: Floats) -> Floats:
     """Quaternions (..., 4) of intrinsic Euler angles (..., 3) in radians, in an order such as "ZXY"."""
-    flat = Rotation.from_euler(order.upper(), np.reshape(angles, (-1, len(order))))
+    flat = scipy.spatial.transform.Rotation.from_euler(order.upper(), np.reshape(angles, (-1, len(order))))
     quat: Floats = flat.as_quat(scalar_first=True).reshape(*angles.shape[:-1], 4)
     return quat
 
 
 def to_euler(order: str, quat: Floats) -> Floats:
     """Intrinsic Euler angles (..., 3) in radians. In gimbal lock the third angle is zero."""
-    flat = Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
+    flat = scipy.spatial.transform.Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
     angles: Floats = flat.as_euler(order.upper(), suppress_warnings=True).reshape(*quat.shape[:-1], 3)
     return angles
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
@@ -30,10 +30,12 @@ class BodyClusters:
 
     def membership(self, pos_m: Floats, roles: Sequence[str], fps: float) -> Floats:
         """Membership of each frame in each body, (T, N), rows sum to 1: 0 or 1 except at crossfades."""
-        lengths = gaussian_filter1d(_bone_lengths_m(pos_m, roles), 0.2 * fps, axis=0, mode="nearest")
+        lengths = scipy.ndimage.gaussian_filter1d(
+            _bone_lengths_m(pos_m, roles), 0.2 * fps, axis=0, mode="nearest"
+        )
         nearest = np.argmin(np.linalg.norm(lengths[:, None] - self.bone_lengths_m, axis=-1), axis=1)  # (T,)
         membership = np.eye(len(self.bone_lengths_m))[nearest]
-        membership = gaussian_filter1d(membership, 0.2 * fps, axis=0, mode="nearest")
+        membership = scipy.ndimage.gaussian_filter1d(membership, 0.2 * fps, axis=0, mode="nearest")
         shares: Floats = membership / membership.sum(axis=1, keepdims=True)
         return shares
 

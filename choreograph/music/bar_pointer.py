@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
-from scipy.special import i0e
 
 from choreograph.core.counts import MAX_METRE, NO_COUNTS, Counts
 from choreograph.core.errors import ParameterError
@@ -157,7 +156,7 @@ def _states(metres: Sequence[int]) -> tuple[NDArray[np.int64], NDArray[np.int64]
 
 def _log_i0(concentration: Floats) -> Floats:
     """Logarithm of the modified Bessel function, which normalises a von Mises density."""
-    log_i0: Floats = np.log(i0e(concentration)) + concentration
+    log_i0: Floats = np.log(scipy.special.i0e(concentration)) + concentration
     return log_i0
 
 
@@ -220,7 +219,7 @@ def _evened(
         right[i : n - 2 + i] -= stiffness * a * curvature
         for j, b in enumerate((1.0, -2.0, 1.0)[i:], start=i):
             bands[2 - (j - i), j : n - 2 + j] += stiffness * a * b
-    evened = bounds_s + solveh_banded(bands, right)
+    evened = bounds_s + scipy.linalg.solveh_banded(bands, right)
     return evened if (np.diff(evened) > 0).all() else bounds_s
 
 

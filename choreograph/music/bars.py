@@ -7,9 +7,8 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.ndimage import uniform_filter1d
 
 from choreograph.core.counts import FROM_MUSIC, Counts
 from choreograph.core.errors import ParameterError
@@ -127,7 +126,7 @@ def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Fl
         phase = np.minimum(np.abs(offsets) / sizes[block, None], 0.5)  # (Q_b, 8192): 0 mid-beat, 0.5 outside
         window = (0.5 + 0.5 * np.cos(2 * np.pi * phase)).astype(np.float32)
         at = np.clip(middles[block, None] + offsets + _SPECTRUM, 0, len(padded) - 1)
-        magnitude = np.abs(fft.rfft(padded[at] * window, axis=1))  # (Q_b, 4097)
+        magnitude = np.abs(scipy.fft.rfft(padded[at] * window, axis=1))  # (Q_b, 4097)
         for rows, bank in zip(chroma, banks, strict=True):
             rows[block] = magnitude @ bank.T
     bass, harmony = (np.log1p(_COMPRESSION * rows / max(rows.max(), 1e-12)) for rows in chroma)
@@ -138,7 +137,7 @@ def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Fl
 def _chroma_banks() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Pitch class filters (12, 4097) of the bass and of the harmony."""
     bank = chroma_filterbank(_SPECTRUM)
-    hz = fft.rfftfreq(_SPECTRUM, 1 / SAMPLE_RATE_HZ)
+    hz = scipy.fft.rfftfreq(_SPECTRUM, 1 / SAMPLE_RATE_HZ)
     low, high = (bank * ((hz >= a) & (hz < b)) for a, b in (_BASS_HZ, _HARMONY_HZ))
     return low.astype(np.float32), high.astype(np.float32)
 
@@ -164,7 +163,7 @@ def _unit(rows: Floats) -> Floats:
 
 
 def _local_mean(rows: Floats) -> Floats:
-    means: Floats = uniform_filter1d(rows, _NORM_BEATS, axis=0, mode="nearest")
+    means: Floats = scipy.ndimage.uniform_filter1d(rows, _NORM_BEATS, axis=0, mode="nearest")
     return means
 
 

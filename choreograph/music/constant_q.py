@@ -9,9 +9,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.ndimage import convolve1d
 
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
@@ -78,7 +77,7 @@ def constant_q(samples: NDArray[np.float32], hop: int, tuning: float) -> NDArray
         padded = np.pad(samples, (size // 2, size // 2 + hop))
         windows = np.lib.stride_tricks.sliding_window_view(padded, size)[::hop]
         for block in frame_blocks(n_frames, _BLOCK_FRAMES):
-            spectrum = fft.rfft(windows[block], axis=1)[:, band]  # (T_b, F)
+            spectrum = scipy.fft.rfft(windows[block], axis=1)[:, band]  # (T_b, F)
             out[rows, block] = np.abs(spectrum @ bank[:, band].T).T * scale
         if octave < N_OCTAVES - 1:
             samples, hop = at_half_rate(samples) * np.float32(2**0.5), hop // 2
@@ -102,7 +101,7 @@ def _filters(tuning_steps: int) -> tuple[NDArray[np.complex64], Floats]:
         first = (size - n_samples) // 2
         row[first : first + n_samples] = wave / np.abs(wave).sum()
     bank *= (lengths / size)[:, None]
-    spectra = fft.fft(bank, axis=1)[:, : size // 2 + 1]
+    spectra = scipy.fft.fft(bank, axis=1)[:, : size // 2 + 1]
     return _without_small(spectra), lengths
 
 
@@ -162,7 +161,7 @@ def energy_normalised(chroma: NDArray[np.float32]) -> NDArray[np.floating]:
     shares = normalised(chroma, 1)
     levels = sum(0.25 * (shares > step) for step in _CENS_STEPS)
     window = np.hanning(_CENS_FRAMES + 2)
-    return normalised(convolve1d(levels, window / window.sum(), axis=1, mode="constant"), 2)
+    return normalised(scipy.ndimage.convolve1d(levels, window / window.sum(), axis=1, mode="constant"), 2)
 
 
 def tonal_centroids(chroma: NDArray[np.floating]) -> Floats:

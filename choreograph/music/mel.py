@@ -6,8 +6,8 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks, mean_ranks
@@ -65,7 +65,7 @@ def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) 
 
 def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
     """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
-    spectrum = fft.rfft(windows * hann_window(), axis=1)  # (T, F)
+    spectrum = scipy.fft.rfft(windows * hann_window(), axis=1)  # (T, F)
     power = spectrum.real**2 + spectrum.imag**2
     log_mel: NDArray[np.float32] = np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
     return log_mel
@@ -81,7 +81,7 @@ def hann_window() -> NDArray[np.float32]:
 def mel_filterbank(n_bands: int = MEL_BANDS) -> NDArray[np.float32]:
     """Triangular filters (n_bands, 1025) from 0 Hz to half the sample rate, each of unit area per Hz."""
     bounds_hz = _mel_bounds_hz(n_bands)
-    away_hz = bounds_hz[:, None] - fft.rfftfreq(MEL_WINDOW, 1 / SAMPLE_RATE_HZ)  # (B + 2, F)
+    away_hz = bounds_hz[:, None] - scipy.fft.rfftfreq(MEL_WINDOW, 1 / SAMPLE_RATE_HZ)  # (B + 2, F)
     width_hz = np.diff(bounds_hz)[:, None]
     rising, falling = -away_hz[:-2] / width_hz[:-1], away_hz[2:] / width_hz[1:]
     area_hz = (bounds_hz[2:] - bounds_hz[:-2])[:, None] / 2
@@ -213,7 +213,7 @@ def autocorrelations(
     """
     window = seconds_to_frames(context_s, MUSIC_FPS)
     taper = np.hanning(window + 2)[1:-1].astype(np.float32)
-    size = fft.next_fast_len(2 * window, real=True)
+    size = scipy.fft.next_fast_len(2 * window, real=True)
     padded = np.pad(np.asarray(onsets, np.float32), ((window // 2, window), (0, 0)))
     inside = np.zeros(len(padded), np.float32)
     inside[window // 2 : window // 2 + len(onsets)] = 1.0
@@ -231,8 +231,8 @@ def autocorrelations(
 
 def _autocorrelation(rows: NDArray[np.floating], size: int) -> NDArray[np.floating]:
     """Linear autocorrelation of rows (C, W) at lags 0 … W - 1."""
-    spectrum = fft.rfft(rows, size, axis=1)
-    correlation: NDArray[np.floating] = fft.irfft(spectrum.real**2 + spectrum.imag**2, size, axis=1)[
+    spectrum = scipy.fft.rfft(rows, size, axis=1)
+    correlation: NDArray[np.floating] = scipy.fft.irfft(spectrum.real**2 + spectrum.imag**2, size, axis=1)[
         :, : rows.shape[1]
     ]
     return correlation

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
-from scipy.ndimage import maximum_filter1d, median_filter
 
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
@@ -107,7 +106,7 @@ def energy_per_second(
     the levels.
     """
     n_samples = min(len(samples), n_seconds * SAMPLE_RATE_HZ)
-    hz = fft.rfftfreq(SAMPLE_RATE_HZ, 1 / SAMPLE_RATE_HZ)
+    hz = scipy.fft.rfftfreq(SAMPLE_RATE_HZ, 1 / SAMPLE_RATE_HZ)
     # Of power, in the bass and in the brightness, as by Butterworth filters of the second order.
     shares = np.stack([1 / (1 + (hz / _BASS_HZ) ** 4), 1 - 1 / (1 + (hz / _BRIGHT_HZ) ** 4)])  # (2, F)
     power = np.zeros((n_seconds, 4))
@@ -118,17 +117,19 @@ def energy_per_second(
         padded = np.zeros(SAMPLE_RATE_HZ)
         padded[: len(part)] = part
         power[second, 0] = np.square(padded).mean()
-        spectrum = np.abs(fft.rfft(padded)) / SAMPLE_RATE_HZ
+        spectrum = np.abs(scipy.fft.rfft(padded)) / SAMPLE_RATE_HZ
         power[second, 1:3] = 2 * shares @ np.square(spectrum)
     if not power.any():
         return np.zeros(n_seconds, np.float32)
-    power = median_filter(power, (_SPAN_S, 1), mode="nearest")
+    power = scipy.ndimage.median_filter(power, (_SPAN_S, 1), mode="nearest")
     power[:, 1:3] += _INAUDIBLE * power[:, 0].max()
     level_db = 10.0 * np.log10(power + 1e-12)  # (S, 4)
     if onsets is not None:
         borders = np.minimum(np.arange(n_seconds) * MUSIC_FPS, len(onsets) - 1)
         sums = np.add.reduceat(np.asarray(onsets, np.float64), borders)
-        level_db[:, 3] = 10.0 * np.log10(median_filter(sums, _SPAN_S, mode="nearest") / MUSIC_FPS + 1e-3)
+        level_db[:, 3] = 10.0 * np.log10(
+            scipy.ndimage.median_filter(sums, _SPAN_S, mode="nearest") / MUSIC_FPS + 1e-3
+        )
     sounding = level_db[:, 0] > level_db[:, 0].max() - _SILENT_DB
     soft_db, loud_db = np.percentile(level_db[sounding], _PERCENTILES, axis=0)
     parts = 1.0 + (level_db - loud_db) / np.clip(loud_db - soft_db, _RANGES_DB, _WIDEST_DB)
@@ -185,7 +186,7 @@ def _silences_s(samples: NDArray[np.floating]) -> list[tuple[float, float]]:
     )
     if not power.any():
         return []
-    loudest = maximum_filter1d(power, 2 * round(_AROUND_S * _LEVEL_FPS) + 1, mode="nearest")
+    loudest = scipy.ndimage.maximum_filter1d(power, 2 * round(_AROUND_S * _LEVEL_FPS) + 1, mode="nearest")
     silent = np.r_[False, power <= loudest * 10.0 ** (-_SILENCE_DB / 10.0), False]
     borders = np.flatnonzero(np.diff(silent.astype(np.int8))).reshape(-1, 2) / _LEVEL_FPS
     longest_s = n_frames / _LEVEL_FPS

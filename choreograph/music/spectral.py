@@ -29,8 +29,8 @@ from functools import lru_cache
 from itertools import accumulate, pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft
 
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import StepReport, part
@@ -175,7 +175,7 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
     rows = {
         "chroma": normalised(chroma_filterbank(_WINDOW, tuning, _CHROMA_OCTAVES) @ gated.T, np.inf),
         "mel_db": _mel_db(gated, _COLUMNS["mel_db"]).T,
-        "mfcc": fft.dct(_mel_db(gated, _MFCC_BANDS), axis=1, norm="ortho")[:, : _COLUMNS["mfcc"]].T,
+        "mfcc": scipy.fft.dct(_mel_db(gated, _MFCC_BANDS), axis=1, norm="ortho")[:, : _COLUMNS["mfcc"]].T,
         "centroid_hz": centroid_hz,
         "bandwidth_hz": bandwidth_hz,
         "contrast_db": _contrast_db(np.sqrt(floored)),
@@ -189,13 +189,13 @@ def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArr
 def _spectra(samples: NDArray[np.float32], hop: int) -> NDArray[np.complex64]:
     """Spectra (T, F) of the whole windows of samples (S,), one every `hop` samples."""
     windows = np.lib.stride_tricks.sliding_window_view(samples, _WINDOW)[::hop]
-    spectra: NDArray[np.complex64] = fft.rfft(windows * hann_window(), axis=1)
+    spectra: NDArray[np.complex64] = scipy.fft.rfft(windows * hann_window(), axis=1)
     return spectra
 
 
 @lru_cache(maxsize=1)
 def _bin_hz() -> NDArray[np.float64]:
-    hz: NDArray[np.float64] = fft.rfftfreq(_WINDOW, 1 / SAMPLE_RATE_HZ)
+    hz: NDArray[np.float64] = scipy.fft.rfftfreq(_WINDOW, 1 / SAMPLE_RATE_HZ)
     return hz
 
 

@@ -11,8 +11,8 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path
@@ -286,7 +286,7 @@ def at_one_level(beats_s: Floats) -> Floats:
     periods_s = np.diff(beats_s)
     if len(periods_s) < _SLIP_BEATS:
         return beats_s
-    steady = median_filter(periods_s, _SLIP_BEATS, mode="nearest")
+    steady = scipy.ndimage.median_filter(periods_s, _SLIP_BEATS, mode="nearest")
     order = np.argsort(steady)
     half_of_the_time = np.searchsorted(np.cumsum(periods_s[order]), 0.5 * periods_s.sum())
     main_s = steady[order[half_of_the_time]]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from choreograph.core.counts import COUNT_PHASE_DIM
 from choreograph.core.numerics import AnyFloats, Floats
@@ -273,7 +273,7 @@ class PosePredictor(TrainedNet):
         if fade_s > 0:
             n_frames = 2 * (round(fade_s * FRAME_RHYTHM_FPS) // 2) + 1
             for _ in range(2):
-                vector = uniform_filter1d(vector, n_frames, axis=0, mode="nearest")
+                vector = scipy.ndimage.uniform_filter1d(vector, n_frames, axis=0, mode="nearest")
         else:
             window = 0.5 - 0.5 * np.cos(2 * np.pi * conditions.progress)  # (T,)
             word_frames = np.maximum(conditions.word_s * FRAME_RHYTHM_FPS, 1.0)

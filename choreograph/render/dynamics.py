@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
 from choreograph.core.timebase import NET_FPS, frame_times_s
@@ -86,7 +86,7 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
 
 def _smooth(values: Floats, fps: float) -> Floats:
     """Values (T, ...) averaged in time."""
-    averaged: Floats = gaussian_filter1d(values, _MEAN_POSE_S * fps, axis=0, mode="nearest")
+    averaged: Floats = scipy.ndimage.gaussian_filter1d(values, _MEAN_POSE_S * fps, axis=0, mode="nearest")
     return averaged
 
 

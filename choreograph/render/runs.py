@@ -8,11 +8,11 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PchipInterpolator
-from scipy.special import expit
+import scipy
 
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.numerics import NO_MEMORY, Floats, Indices, Memory
+from choreograph.core.splines import CubicSpline, monotone_cubic
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
@@ -108,8 +108,8 @@ class Run:
         knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
         inside = CubicSpline(knots, self.source_times_s)
         source = inside(np.clip(since, 0.0, self.length_s))
-        source += np.minimum(since, 0.0) * inside(0.0, 1)
-        frames_s: Floats = source + np.maximum(since - self.length_s, 0.0) * inside(self.length_s, 1)
+        source += np.minimum(since, 0.0) * inside.rate(0.0)
+        frames_s: Floats = source + np.maximum(since - self.length_s, 0.0) * inside.rate(self.length_s)
         return frames_s
 
     def cut(self, start_s: float, stop_s: float) -> Run:
@@ -179,7 +179,7 @@ def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Ru
 @lru_cache(maxsize=4096)  # the mixer makes the runs of most words six times
 def _smooth_times_s(knots: tuple[float, ...], values: tuple[float, ...]) -> Floats:
     """Source times through `values` at the times `knots` of the dance, as of `Run`. They are read-only."""
-    times_s: Floats = PchipInterpolator(knots, values)(_knots_s(knots[0], knots[-1]))
+    times_s: Floats = monotone_cubic(knots, values, _knots_s(knots[0], knots[-1]))
     times_s.flags.writeable = False
     return times_s
 
@@ -387,6 +387,6 @@ def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
     for ankle, ball in _FEET:
         apart_m.append((before[[ankle, ball]] - turned[[ankle, ball]]).mean(axis=0) * [1.0, 0.0, 1.0])
         heights_m = [min(body[ankle, 1] - _ANKLE_M, body[ball, 1] - _BALL_M) for body in (before, after)]
-        weights.append(float(expit((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
+        weights.append(float(scipy.special.expit((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
     shift_m: Floats = np.average(apart_m, axis=0, weights=weights)
     return shift_m

@@ -8,7 +8,7 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+import scipy
 
 from choreograph.core.numerics import NO_MEMORY, Floats, Memory
 from choreograph.core.progress import StepReport
@@ -214,7 +214,7 @@ class Joins:
         for first, feet_m in self.feet_m:
             rows = of_takes[first : first + len(feet_m)]
             rows[:] = np.maximum(rows, contacts_above(feet_m, floor_m, motion.fps)[: len(rows)])
-        of_takes = gaussian_filter1d(of_takes, _CONTACT_EASE_S * motion.fps, axis=0)
+        of_takes = scipy.ndimage.gaussian_filter1d(of_takes, _CONTACT_EASE_S * motion.fps, axis=0)
         times_s = frame_times_s(motion.n_frames, motion.fps)
         of_takes[(times_s < from_s) | (times_s > to_s)] = 0.0
         contacts: Floats = np.maximum(foot_contacts(body_m, motion.fps), of_takes).clip(0.0, 1.0)

@@ -8,10 +8,10 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
-from scipy.ndimage import gaussian_filter1d, uniform_filter
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path
@@ -229,7 +229,7 @@ def floor_cover(
 def blurred(image: F32, size: int) -> F32:
     """An image after three box filters of `size` texels along both axes, which are nearly a Gaussian."""
     for _ in range(3):
-        image = uniform_filter(image, size, mode="constant")
+        image = scipy.ndimage.uniform_filter(image, size, mode="constant")
     return image
 
 
@@ -301,7 +301,7 @@ def follow_camera(
     mesh = build_mannequin(motion.skeleton, motion)
     ground, frames = _ground_pos_m(motion), times * motion.fps
     if smoothing_s > 0:
-        ground = gaussian_filter1d(ground, smoothing_s * motion.fps, axis=0, mode="nearest")
+        ground = scipy.ndimage.gaussian_filter1d(ground, smoothing_s * motion.fps, axis=0, mode="nearest")
     shown = motion.sampled(frames)
     pos_m, quat = forward(motion.skeleton, shown.root_pos_m, shown.local_quat)
     height = float(np.ptp(mesh.vertices_m[:, 1]))

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import subprocess
 import sys
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import pytest
 import choreograph as cg
 from choreograph.choreography import kept_analysis, song_analysis
 from choreograph.choreography.song_analysis import analyse_song
+from choreograph.nets.inference import WordEmbedder
 
 STARTER = cg.starter_repertoire()
 SONG = cg.load_song(cg.example_songs()["house"], duration_s=9.0)
@@ -141,3 +143,87 @@ def test_where_nothing_can_be_written_the_song_is_analysed(made, monkeypatch, tm
     for _ in range(2):
         analyse_song(SONG, STARTER, keep=True)
     assert len(made) == 2 and "not kept" in caplog.text
+
+
+# The motifs of spans of takes.
+
+
+@pytest.fixture
+def motifs_cache(cache):
+    return cache.parent / "motifs"
+
+
+@pytest.fixture
+def embedded(monkeypatch):
+    """The number of words that were embedded."""
+    calls = []
+    embed = WordEmbedder.embed
+
+    def counted(net, words_m):
+        calls.append(len(words_m))
+        return embed(net, words_m)
+
+    monkeypatch.setattr(WordEmbedder, "embed", counted)
+    return calls
+
+
+def looked_up(n_spans=600, *, keep=True):
+    """Motifs of spans of takes of the built-in repertoire, which is opened again."""
+    repertoire = cg.Repertoire.open(STARTER.path)
+    take, start_s = np.divmod(np.arange(n_spans), 200)
+    with kept_analysis.kept_spans(repertoire, keep=keep) as spans:
+        return spans.motifs_of(take, start_s / 10, start_s / 10 + 0.5), repertoire
+
+
+def test_the_motifs_of_spans_are_kept(motifs_cache, embedded):
+    first, _ = looked_up()
+    assert sum(embedded) >= 600 and len(list(motifs_cache.iterdir())) == 1
+    embedded.clear()
+    again, _ = looked_up()
+    assert not embedded
+    np.testing.assert_array_equal(first, again)
+
+
+def test_without_keep_no_span_is_read_or_written(motifs_cache, embedded):
+    looked_up(keep=False)
+    assert not motifs_cache.exists()
+    looked_up()
+    embedded.clear()
+    looked_up(keep=False)
+    assert sum(embedded) >= 600
+
+
+def test_few_new_spans_are_not_written_and_many_are_added(motifs_cache, embedded):
+    looked_up(n_spans=100)
+    assert not list(motifs_cache.iterdir())
+    looked_up(n_spans=600)
+    looked_up(n_spans=1400)
+    embedded.clear()
+    looked_up(n_spans=1400)
+    assert not embedded
+
+
+def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
+    monkeypatch.setattr(kept_analysis, "_MOST_SPANS", 599)
+    looked_up()
+    assert not list(motifs_cache.iterdir())
+
+
+def test_spans_of_a_file_that_was_changed_are_looked_up_again(motifs_cache, embedded):
+    looked_up()
+    embedded.clear()
+    state = kept_analysis._state(STARTER.path)
+    with mock.patch.object(kept_analysis, "_state", return_value=(state[0] + 1, state[1])):
+        looked_up()
+    assert sum(embedded) >= 600
+
+
+def test_damaged_spans_are_looked_up_again(motifs_cache, embedded, caplog):
+    first, _ = looked_up()
+    (entry,) = motifs_cache.iterdir()
+    content = bytearray(entry.read_bytes())
+    content[-20] ^= 1
+    entry.write_bytes(bytes(content))
+    again, _ = looked_up()
+    assert "damaged" in caplog.text
+    np.testing.assert_array_equal(first, again)

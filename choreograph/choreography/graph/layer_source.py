@@ -24,6 +24,7 @@ from choreograph.choreography.graph.motif_costs import (
 from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
 from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
+from choreograph.choreography.kept_analysis import kept_spans
 from choreograph.choreography.material import SectionGoal
 from choreograph.choreography.selection import (
     ClipPriorities,
@@ -289,8 +290,13 @@ def make_layers(
     motifs, n_motifs = None, 0
     if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
         words_s = song_words_s(features)
+
+        def labelled() -> NDArray[np.int16]:
+            with kept_spans(repertoire, keep=config.cache) as spans:
+                return node_motifs(segments, clips, words_s, spans.motifs_of)
+
         motifs = request.memory.value(
-            lambda: node_motifs(segments, clips, words_s, repertoire.span_motifs.motifs_of),
+            labelled,
             "node motifs", segments.inputs, segments.clip, words_s,
         )  # fmt: skip
         n_motifs = repertoire.vocabulary.n_motifs

@@ -134,7 +134,8 @@ class Layer:
         try:
             if not isinstance(nodes, slice) and np.ndim(nodes) != 1:
                 raise IndexError
-            arrays = {name: getattr(self, name)[nodes] for name in _ARRAYS}
+            n_nodes = len(self.segment[nodes])
+            arrays = {name: rows_of(getattr(self, name), nodes, n_nodes) for name in ARRAYS}
         except (IndexError, ValueError):
             n_nodes = self.n_nodes
             raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
@@ -284,7 +285,17 @@ class Layer:
 
 
 _OF_ALL_NODES = ("second", "bank", "new_goal", "moments", "returns", "steer_rad")
-_ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
+ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
+
+
+def repeated(row: NDArray[Any], n_nodes: int) -> NDArray[Any]:
+    """A row (...) for every node, (N, ...), which is not copied."""
+    return np.broadcast_to(row, (n_nodes, *row.shape))
+
+
+def rows_of(values: NDArray[Any], nodes: Any, n_nodes: int) -> NDArray[Any]:
+    """The values of some nodes. Where all nodes have one row, it is not copied: it has all of a song."""
+    return values[nodes] if len(values) == 0 or values.strides[0] else repeated(values[0], n_nodes)
 
 
 def facing(heading_rad: AnyFloats) -> AnyFloats:
@@ -328,21 +339,6 @@ def changed_layer(layer: Layer, **values: Any) -> Layer:
     made = object.__new__(type(layer))
     vars(made).update(vars(layer) | values)
     return made
-
-
-def joined_layers(parts: Sequence[Layer]) -> Layer:
-    """The nodes of several layers of one second, in order."""
-    arrays: dict[str, Any] = {n: np.concatenate([getattr(part, n) for part in parts]) for n in _ARRAYS}
-    return changed_layer(parts[0], **arrays)
-
-
-def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
-    """The indices of the nodes of each part of a layer, of which each time map has only the first node."""
-    shared = np.concatenate(time_map_ids)
-    _, first = np.unique(np.where(shared >= 0, shared, -1 - np.arange(len(shared))), return_index=True)
-    first, stops = np.sort(first), np.cumsum([len(ids) for ids in time_map_ids])
-    found = np.split(first, np.searchsorted(first, stops[:-1]))
-    return [nodes - (stop - len(ids)) for nodes, stop, ids in zip(found, stops, time_map_ids, strict=True)]
 
 
 class WordLayers:

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
 from choreograph.choreography.graph.layers import (
+    ARRAYS,
     MIDDLE,
     USAGE_DECAY_S,
     Layer,
     changed_layer,
-    joined_layers,
     position,
+    repeated,
 )
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.path_kernels import COMPILED, NO_NODE, OF_NODES, arrays_of, extended
@@ -192,8 +193,22 @@ def including(
     found = np.flatnonzero((layer.segment == segment) & (layer.offset == offset))
     if len(found) == 0:
         one, its_cost = make()
-        return (joined_layers([layer, one]), np.append(cost, its_cost)), len(cost)
+        return (_joined([layer, one]), np.append(cost, its_cost)), len(cost)
     return nodes, int(found[0])
+
+
+def _joined(parts: Sequence[Layer]) -> Layer:
+    """The nodes of several layers of one second, in order."""
+    n_nodes = sum(part.n_nodes for part in parts)
+
+    def joined(name: str) -> NDArray[Any]:
+        values = [getattr(part, name) for part in parts]
+        rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0]
+        if len(rows) < len(parts) or any(row.tobytes() != rows[0].tobytes() for row in rows):
+            return np.concatenate(values)
+        return repeated(rows[0][0], n_nodes)  # one row of all nodes, as `subset` leaves it
+
+    return changed_layer(parts[0], **{name: joined(name) for name in ARRAYS})
 
 
 def _first_cost(
@@ -274,14 +289,21 @@ def _with_few_columns(
     few = tuple(
         changed_layer(
             layer, motifs=number[layer.motifs],
-            motif_counts=np.ascontiguousarray(layer.motif_counts[:, motifs]),  # as kernels are compiled for
+            motif_counts=_columns(layer.motif_counts, motifs),
             usage_column=np.searchsorted(takes, layer.usage_column),
-            take_usage_s=np.ascontiguousarray(layer.take_usage_s[:, takes]),
+            take_usage_s=_columns(layer.take_usage_s, takes),
         )
         for layer in layers
     )  # fmt: skip
     costs = [w.cost.among(motifs) if isinstance(w.cost, Signature) else w.cost for w in of_path]
     return few, tuple(replace(w, cost=cost) for w, cost in zip(of_path, costs, strict=True))
+
+
+def _columns(values: NDArray[Any], columns: AnyInts) -> NDArray[Any]:
+    """Columns of an array (N, C), contiguous as kernels are compiled for, or of the one row of all nodes."""
+    if len(values) and values.strides[0] == 0:
+        return repeated(values[0, columns], len(values))
+    return np.ascontiguousarray(values[:, columns])
 
 
 # Of each of P nodes: turn_rad (P,), take_usage_s (P, takes), danced (P, R), motif_counts (P, M).

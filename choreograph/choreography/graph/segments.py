@@ -17,7 +17,7 @@ from choreograph.choreography.graph.layers import (
     PoseBank,
     changed_layer,
     facing,
-    one_per_time_map,
+    repeated,
 )
 from choreograph.choreography.graph.warp_kernels import segment_beats
 from choreograph.choreography.graph.warping import (
@@ -297,10 +297,10 @@ class LayerSource:
             layer,
             walk_m=walk_m,
             motifs=self._motifs[start, rank, layer.offset],
-            motif_counts=np.zeros((layer.n_nodes, self._n_motifs), np.int16),
-            take_usage_s=_repeated(self._usage_at_start_s, layer.n_nodes),
+            motif_counts=repeated(np.zeros(self._n_motifs, np.int16), layer.n_nodes),
+            take_usage_s=repeated(self._usage_at_start_s, layer.n_nodes),
             usage_column=self._clips.usage_column[layer.take],
-            danced=_repeated(self._not_danced, layer.n_nodes),
+            danced=repeated(self._not_danced, layer.n_nodes),
             new_goal=layer.second in self._goal_starts,
             moments=self._moments[layer.second],
             returns=self._returns[layer.second],
@@ -382,6 +382,10 @@ def _arrays_of_nodes(layer: Layer) -> dict[str, NDArray[Any]]:
     return {name: values for name, values in vars(layer).items() if isinstance(values, np.ndarray)}
 
 
-def _repeated(row: AnyFloats, n_nodes: int) -> AnyFloats:
-    """A row (M,) for every node, (N, M), which is not copied."""
-    return np.broadcast_to(row, (n_nodes, len(row)))
+def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
+    """The indices of the nodes of each part of a layer, of which each time map has only the first node."""
+    shared = np.concatenate(time_map_ids)
+    _, first = np.unique(np.where(shared >= 0, shared, -1 - np.arange(len(shared))), return_index=True)
+    first, stops = np.sort(first), np.cumsum([len(ids) for ids in time_map_ids])
+    found = np.split(first, np.searchsorted(first, stops[:-1]))
+    return [nodes - (stop - len(ids)) for nodes, stop, ids in zip(found, stops, time_map_ids, strict=True)]

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.kept_analysis import kept_rows
@@ -214,8 +214,10 @@ def _on_stage(
 
     The heading that is steered to the front is the mean of the next two seconds, so that figures may turn.
     """
-    rows = gaussian_filter1d(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest")
-    rows[:, 3] = gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
+    rows = scipy.ndimage.gaussian_filter1d(
+        poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest"
+    )
+    rows[:, 3] = scipy.ndimage.gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
     bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
     position, heading = np.zeros(3), 0.0  # of the frame before the word

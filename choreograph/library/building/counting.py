@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
@@ -176,7 +176,9 @@ def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
         return 0.0
     log_speed = np.log(np.asarray(speed_m_s, np.float64) + _STILL_M_S)
     # Remove changes that are slower than beats, such as a turn.
-    log_speed = log_speed - gaussian_filter1d(log_speed, fps * float(np.median(np.diff(beat_times_s))))
+    log_speed = log_speed - scipy.ndimage.gaussian_filter1d(
+        log_speed, fps * float(np.median(np.diff(beat_times_s)))
+    )
     times_s = frame_times_s(len(log_speed), fps)
     phase = np.interp(times_s, beat_times_s, np.arange(len(beat_times_s)), left=-1.0)  # (T,) in beats
     window = np.floor(phase / _WINDOW_BEATS).astype(np.int64)

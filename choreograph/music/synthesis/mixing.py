@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, oaconvolve, sosfilt
 
 from choreograph.music.synthesis.composition import Track
 from choreograph.music.synthesis.sounds import RATE_HZ, VARIANTS, Wave, drum_hit, render_note
@@ -41,9 +41,11 @@ def _room(room_s: float) -> Wave:
     n = round(room_s * RATE_HZ)
     t = np.arange(n) / RATE_HZ
     noise = rng.standard_normal((n, 2))
-    dark = sosfilt(butter(1, 2500.0, fs=RATE_HZ, output="sos"), noise, axis=0)
+    dark = scipy.signal.sosfilt(scipy.signal.butter(1, 2500.0, fs=RATE_HZ, output="sos"), noise, axis=0)
     body = noise * np.exp(-12.0 * t / room_s)[:, None] + 2.0 * dark * np.exp(-6.9 * t / room_s)[:, None]
-    body = sosfilt(butter(1, 180.0, "highpass", fs=RATE_HZ, output="sos"), body, axis=0)
+    body = scipy.signal.sosfilt(
+        scipy.signal.butter(1, 180.0, "highpass", fs=RATE_HZ, output="sos"), body, axis=0
+    )
     late = np.concatenate([np.zeros((round(0.012 * RATE_HZ), 2)), body])
     return np.asarray(late / np.sqrt((late**2).sum(axis=0)), np.float32)
 
@@ -51,7 +53,7 @@ def _room(room_s: float) -> Wave:
 def reverberate(send: Wave, room_s: float) -> Wave:
     """Stereo reverb (S, 2) of a mono send (S,)."""
     room = _room(room_s)
-    sides = [oaconvolve(send, room[:, side])[: len(send)] for side in (0, 1)]
+    sides = [scipy.signal.oaconvolve(send, room[:, side])[: len(send)] for side in (0, 1)]
     return np.asarray(np.stack(sides, axis=1), np.float32)
 
 
@@ -83,7 +85,7 @@ def ducking_gain(n: int, kicks: NDArray[np.int64], depth: float) -> Wave:
 
 def loudness_lufs(stereo: NDArray[np.floating]) -> float:
     """Integrated loudness of (S, 2) at 44.1 kHz, gated as in BS.1770, or -70 for silence."""
-    weighted = sosfilt(_k_weighting(), stereo, axis=0)
+    weighted = scipy.signal.sosfilt(_k_weighting(), stereo, axis=0)
     hop = RATE_HZ // 10
     tenths = (weighted[: len(weighted) // hop * hop] ** 2).sum(axis=1).reshape(-1, hop).mean(axis=1)
     blocks = np.convolve(tenths, np.full(4, 0.25), "valid") if len(tenths) >= 4 else tenths
@@ -96,7 +98,10 @@ def loudness_lufs(stereo: NDArray[np.floating]) -> float:
 
 def master(mix: Wave) -> Wave:
     """The mix (S, 2), high-passed, at -14 LUFS or slightly below, peaks soft-limited below -1.3 dBFS."""
-    mix = np.asarray(sosfilt(butter(2, 28.0, "highpass", fs=RATE_HZ, output="sos"), mix, axis=0), np.float32)
+    mix = np.asarray(
+        scipy.signal.sosfilt(scipy.signal.butter(2, 28.0, "highpass", fs=RATE_HZ, output="sos"), mix, axis=0),
+        np.float32,
+    )
     gain_db = TARGET_LUFS - loudness_lufs(mix)
     once = _soft_limited(mix * np.float32(10.0 ** (gain_db / 20.0)))
     gain_db += min(TARGET_LUFS - loudness_lufs(once), 3.0)  # compensates the limiter, within 3 dB

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt
 
 # Pitched synthesiser voices: wavetable synthesis with a time-varying spectrum, and FM for struck metal.
 #
@@ -253,9 +253,9 @@ def _skin(
 
 
 def _noise(rng: Rng, low_hz: float, high_hz: float, decay_s: float, length_s: float) -> NDArray[np.float64]:
-    sos = butter(2, [low_hz, min(high_hz, 20000.0)], "bandpass", fs=RATE_HZ, output="sos")
+    sos = scipy.signal.butter(2, [low_hz, min(high_hz, 20000.0)], "bandpass", fs=RATE_HZ, output="sos")
     t = _seconds(length_s)
-    noise = sosfilt(sos, rng.standard_normal(len(t))) * np.exp(-t / decay_s)
+    noise = scipy.signal.sosfilt(sos, rng.standard_normal(len(t))) * np.exp(-t / decay_s)
     peak_one: NDArray[np.float64] = noise / np.abs(noise).max()
     return peak_one
 
@@ -266,8 +266,8 @@ def _metal(
     """Inharmonic square waves above `low_hz`: bells and cymbals."""
     t = _seconds(length_s)
     tone = sum(np.sign(np.sin(2.0 * np.pi * (hz * rng.uniform(0.995, 1.005) * t))) for hz in partials_hz)
-    sos = butter(3, low_hz, "highpass", fs=RATE_HZ, output="sos")
-    tone = sosfilt(sos, np.asarray(tone)) * np.exp(-t / decay_s)
+    sos = scipy.signal.butter(3, low_hz, "highpass", fs=RATE_HZ, output="sos")
+    tone = scipy.signal.sosfilt(sos, np.asarray(tone)) * np.exp(-t / decay_s)
     peak_one: NDArray[np.float64] = tone / np.abs(tone).max()
     return peak_one
 
@@ -277,9 +277,9 @@ def _scrape(rng: Rng, length_s: float, teeth_hz: float, swell: float) -> NDArray
     t = _seconds(length_s)
     speed = teeth_hz * (1.0 + swell * t / length_s)
     tooth = np.exp(-8.0 * ((np.cumsum(speed) / RATE_HZ) % 1.0))
-    sos = butter(2, [2200.0, 9000.0], "bandpass", fs=RATE_HZ, output="sos")
+    sos = scipy.signal.butter(2, [2200.0, 9000.0], "bandpass", fs=RATE_HZ, output="sos")
     shape = (0.35 + 0.65 * (t / length_s)) * np.minimum(1.0, (length_s - t) / 0.02)
-    scraped: NDArray[np.float64] = sosfilt(sos, rng.standard_normal(len(t)) * tooth) * shape
+    scraped: NDArray[np.float64] = scipy.signal.sosfilt(sos, rng.standard_normal(len(t)) * tooth) * shape
     return scraped
 
 
