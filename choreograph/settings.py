@@ -172,7 +172,7 @@ class DanceConfig:
     or the path of a file of beats. Use a file where no tracker is right. Used by all engines."""
 
     cache: bool = True
-    """Whether the analysis of the song, and motifs of takes, are kept in the user's cache and read from there.
+    """Whether the analysis of the song and motifs of takes are kept in the user's cache and read from there.
     The dance is the same. The variable CHOREOGRAPH_CACHE names another folder. Used by all engines."""
 
     weights: Mapping[str, float] = field(default_factory=dict)

@@ -99,7 +99,8 @@ def kept_spans(repertoire: Repertoire, *, keep: bool) -> Iterator[SpanMotifLooku
     yield spans
     if n_known + _FEWEST_NEW <= len(spans.known[0]) <= _MOST_SPANS:
         written = io.BytesIO()
-        np.savez(written, **dict(zip(("keys", "motifs"), spans.known, strict=True)))
+        keys, labels = spans.known
+        np.savez(written, keys=keys, motifs=labels)
         _write(path, written.getvalue())
 
 

@@ -209,7 +209,7 @@ KnownSpans = tuple[Indices, NDArray[np.int16]]  # increasing keys (N,) of spans,
 
 def _joined(some: KnownSpans, others: KnownSpans) -> KnownSpans:
     """The spans of both, which have no key in common."""
-    keys, motifs = (np.concatenate(parts) for parts in zip(some, others, strict=True))
+    keys, motifs = np.concatenate([some[0], others[0]]), np.concatenate([some[1], others[1]])
     order = np.argsort(keys)
     return keys[order], motifs[order]
 
