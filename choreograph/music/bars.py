@@ -17,7 +17,7 @@ from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEIGHTS
 from choreograph.music.beats import checked_beat_times_s
 from choreograph.music.constant_q import chroma_filterbank
-from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz
+from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz, windows_around
 
 # Features of the music at every beat, from which bars are estimated.
 #
@@ -36,6 +36,7 @@ _NORM_BEATS = 24  # whole bars of three and of four
 _CLIP = 3.0
 _BAR_BEATS = 3  # the shortest duration of a chord
 _BLOCK_BEATS = 512  # whose spectra are in memory at the same time
+_SPECTRA_AT_ONCE = 32  # which stay in the processor's cache
 
 _BAND_NAMES = ("kick", "bass", "chords", "melody", "high")
 ACCENT_NAMES = (
@@ -117,16 +118,18 @@ def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Fl
     """Compressed chroma of bass and of harmony, (Q, 12) each, from the middle 0.37 s of each beat."""
     middles = np.rint(0.5 * (bounds_s[:-1] + bounds_s[1:]) * SAMPLE_RATE_HZ).astype(np.int64)
     sizes = np.clip(np.rint(np.diff(bounds_s) * SAMPLE_RATE_HZ), 2, _SPECTRUM)
-    padded = np.pad(np.asarray(samples, np.float32), _SPECTRUM)
+    samples = np.asarray(samples, np.float32)
     offsets = np.arange(_SPECTRUM) - _SPECTRUM // 2
     banks = _chroma_banks()
     chroma = tuple(np.empty((len(middles), 12)) for _ in banks)
-    for start in range(0, len(middles), _BLOCK_BEATS):
-        block = slice(start, start + _BLOCK_BEATS)
-        phase = np.minimum(np.abs(offsets) / sizes[block, None], 0.5)  # (Q_b, 8192): 0 mid-beat, 0.5 outside
-        window = (0.5 + 0.5 * np.cos(2 * np.pi * phase)).astype(np.float32)
-        at = np.clip(middles[block, None] + offsets + _SPECTRUM, 0, len(padded) - 1)
-        magnitude = np.abs(scipy.fft.rfft(padded[at] * window, axis=1))  # (Q_b, 4097)
+    for block in frame_blocks(len(middles), _BLOCK_BEATS):
+        magnitude = np.empty((block.stop - block.start, _SPECTRUM // 2 + 1), np.float32)  # (Q_b, 4097)
+        for few in frame_blocks(len(magnitude), _SPECTRA_AT_ONCE):
+            beats = slice(block.start + few.start, block.start + few.stop)
+            phase = np.minimum(np.abs(offsets) / sizes[beats, None], 0.5)  # 0 mid-beat, 0.5 outside
+            window = (0.5 + 0.5 * np.cos(2 * np.pi * phase)).astype(np.float32)
+            sound = windows_around(samples, middles[beats], _SPECTRUM)
+            magnitude[few] = np.abs(scipy.fft.rfft(sound * window, axis=1))
         for rows, bank in zip(chroma, banks, strict=True):
             rows[block] = magnitude @ bank.T
     bass, harmony = (np.log1p(_COMPRESSION * rows / max(rows.max(), 1e-12)) for rows in chroma)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.music.mel import silent_outside
 from choreograph.music.song import at_half_rate
 
 _C1_HZ = 440.0 * 2.0 ** (-45 / 12)
@@ -74,13 +75,16 @@ def constant_q(samples: NDArray[np.float32], hop: int, tuning: float) -> NDArray
     scale = 1 / np.sqrt(lengths)[:, None]
     for octave in range(N_OCTAVES):
         rows = slice(N_BINS - (octave + 1) * BINS_PER_OCTAVE, N_BINS - octave * BINS_PER_OCTAVE)
-        padded = np.pad(samples, (size // 2, size // 2 + hop))
-        windows = np.lib.stride_tricks.sliding_window_view(padded, size)[::hop]
         for block in frame_blocks(n_frames, _BLOCK_FRAMES):
-            spectrum = scipy.fft.rfft(windows[block], axis=1)[:, band]  # (T_b, F)
+            span = silent_outside(
+                samples, block.start * hop - size // 2, (block.stop - 1) * hop - size // 2 + size
+            )
+            windows = np.lib.stride_tricks.sliding_window_view(span, size)[::hop]
+            spectrum = scipy.fft.rfft(windows, axis=1)[:, band]  # (T_b, F)
             out[rows, block] = np.abs(spectrum @ bank[:, band].T).T * scale
         if octave < N_OCTAVES - 1:
-            samples, hop = at_half_rate(samples) * np.float32(2**0.5), hop // 2
+            samples, hop = at_half_rate(samples), hop // 2
+            samples *= np.float32(2**0.5)
     return out
 
 

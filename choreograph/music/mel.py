@@ -26,6 +26,7 @@ MEL_BANDS = 96
 MEL_WINDOW = 2048  # samples, 93 ms
 _POWER_FLOOR = 1e-6  # about 99 dB below a full-scale sine, quieter than 16-bit dither
 _BLOCK_FRAMES = 2048
+_SPECTRA_AT_ONCE = 256  # which stay in the processor's cache
 
 
 def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) -> NDArray[np.float32]:
@@ -52,21 +53,39 @@ def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) 
         raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
     n_frames = max(1, seconds_to_frames(len(samples) / SAMPLE_RATE_HZ, MUSIC_FPS))
     centres = np.rint(np.arange(n_frames) * (SAMPLE_RATE_HZ / MUSIC_FPS)).astype(np.int64)  # (T,)
-    padded = np.pad(samples, (MEL_WINDOW // 2, MEL_WINDOW // 2 + SAMPLE_RATE_HZ // MUSIC_FPS))
-    windows = np.lib.stride_tricks.sliding_window_view(padded, MEL_WINDOW)
     out = np.empty((n_frames, MEL_BANDS), np.float32)
-    for start in range(0, n_frames, _BLOCK_FRAMES):
-        block = slice(start, start + _BLOCK_FRAMES)
-        out[block] = log_mel_of_windows(windows[centres[block]])
+    for block in frame_blocks(n_frames, _BLOCK_FRAMES):
+        out[block] = log_mel_of_windows(windows_around(samples, centres[block], MEL_WINDOW))
         if report is not None:
             report(min(block.stop, n_frames), n_frames)
     return out
 
 
+def windows_around(
+    samples: NDArray[np.float32], centres: NDArray[np.int64], size: int
+) -> NDArray[np.float32]:
+    """The `size` samples (T, W) around each of the increasing `centres` (T,), with silence outside the song.
+
+    Only the part of the song that the windows reach is copied.
+    """
+    first = int(centres[0]) - size // 2
+    span = silent_outside(samples, first, int(centres[-1]) - size // 2 + size)
+    windows: NDArray[np.float32] = np.lib.stride_tricks.sliding_window_view(span, size)[centres - centres[0]]
+    return windows
+
+
+def silent_outside(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
+    """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
+    inside = samples[max(0, first) : max(0, stop)]
+    return np.pad(inside, (max(0, -first), stop - max(0, first) - len(inside)))
+
+
 def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:
     """`log_mel` (T, 96) of the `MEL_WINDOW` samples around each frame, (T, W)."""
-    spectrum = scipy.fft.rfft(windows * hann_window(), axis=1)  # (T, F)
-    power = spectrum.real**2 + spectrum.imag**2
+    power = np.empty((len(windows), MEL_WINDOW // 2 + 1), np.float32)  # (T, F)
+    for part in frame_blocks(len(windows), _SPECTRA_AT_ONCE):
+        spectrum = scipy.fft.rfft(windows[part] * hann_window(), axis=1)
+        power[part] = spectrum.real**2 + spectrum.imag**2
     log_mel: NDArray[np.float32] = np.log(np.maximum(power @ mel_filterbank().T, _POWER_FLOOR))
     return log_mel
 
@@ -120,13 +139,32 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     finite. (Rhythm is a Dancer, section 5: RMS normalisation. There, pauses count too.)
     """
     samples = np.asarray(samples, np.float32)
+    level = loudness(samples)
+    out = np.empty_like(samples)
+    for part in frame_blocks(len(samples), _AT_ONCE):
+        out[part] = scaled(samples[part], level)
+    return out
+
+
+def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
+    """Samples (S,) relative to a level. An infinite one makes them silent."""
+    if np.isinf(level):
+        return np.zeros_like(samples)
+    return (samples / np.float64(level)).astype(np.float32)
+
+
+def loudness(samples: NDArray[np.float32]) -> float:
+    """Root mean square of samples (S,) outside pauses, or infinity for a silent song.
+
+    Raises as `at_unit_loudness`.
+    """
     if samples.ndim != 1 or len(samples) == 0:
         raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
-    peak = float(np.abs(samples).max())
+    peak = float(max(samples.max(), -samples.min()))
     if not np.isfinite(peak):
         raise ParameterError("expected finite samples, got NaN or infinity: a decoder or an effect failed")
     if peak < SILENCE_PEAK:
-        return np.zeros_like(samples)
+        return float(np.inf)
     starts = np.arange(0, len(samples), _BLOCK)
     energy = np.empty(len(starts))  # (B,)
     for part in frame_blocks(len(starts)):
@@ -136,11 +174,7 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
         )
     size = np.diff(starts, append=len(samples))
     is_sound = energy > PAUSE_GATE * size * (energy / size).max()
-    level = peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum())
-    out = np.empty_like(samples)
-    for part in frame_blocks(len(samples), _AT_ONCE):
-        out[part] = samples[part] / level
-    return out
+    return float(peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum()))
 
 
 # Onset envelopes of three bands, and their autocorrelation, for beats, tempo and rhythm.

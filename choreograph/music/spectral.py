@@ -47,7 +47,7 @@ from choreograph.music.constant_q import (
     tonal_centroids,
     tuning_of,
 )
-from choreograph.music.mel import at_unit_loudness, hann_window, mel_filterbank
+from choreograph.music.mel import hann_window, loudness, mel_filterbank, scaled, silent_outside
 
 _COLUMNS = {
     "chroma": 12, "chroma_cqt": 12, "chroma_cens": 12, "mel_db": 26, "mfcc": 13, "centroid_hz": 1,
@@ -106,19 +106,20 @@ def spectral_features(
     ----------
     Rhythm is a Dancer, section 3.1.2 and Table 2 (a5 to a91).
     """
-    samples = at_unit_loudness(samples)
+    samples = np.asarray(samples, np.float32)
+    level = loudness(samples)
     beats = checked_beat_times_s(beat_times_s, len(samples) / SAMPLE_RATE_HZ)
     if len(beats) < 2:
         return np.zeros((0, SPECTRAL_DIM), np.float32)
-    tuning = _tuning(samples)
-    tonal = _tonal_frames(samples, tuning, part(report, 0, 50, _STEPS))
+    tuning = _tuning(samples, level)
+    tonal = _tonal_frames(samples, level, tuning, part(report, 0, 50, _STEPS))
     frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
     for name, rows in tonal.items():
         frames[:, SPECTRAL_COLUMNS[name]] = rows
     timbre_report = part(report, 50, _STEPS, _STEPS)
     for block in frame_blocks(len(frames)):
         first = block.start * _HOP - _WINDOW // 2
-        span = _span(samples, first, (block.stop - 1) * _HOP + _WINDOW // 2)
+        span = _span(samples, level, first, (block.stop - 1) * _HOP + _WINDOW // 2)
         for name, rows in _timbre_frames(span, tuning).items():
             frames[block, SPECTRAL_COLUMNS[name]] = rows
         if timbre_report is not None:
@@ -127,13 +128,13 @@ def spectral_features(
 
 
 def _tonal_frames(
-    samples: NDArray[np.float32], tuning: float, report: StepReport | None
+    samples: NDArray[np.float32], level: float, tuning: float, report: StepReport | None
 ) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     n_frames = 1 + len(samples) // _HOP
     tones = np.empty((N_BINS, n_frames), np.float32, order="F")  # (252, T)
     for block in frame_blocks(n_frames, _CQT_BLOCK_FRAMES):
-        tones[:, block] = _tones(samples, block, tuning)
+        tones[:, block] = _tones(samples, level, block, tuning)
         if report is not None:
             report(block.stop, n_frames)
     tones[tones < _CQT_FLOOR * tones.max()] = 0.0
@@ -143,20 +144,19 @@ def _tonal_frames(
     return {name: row.T for name, row in rows.items()}
 
 
-def _tones(samples: NDArray[np.float32], block: slice, tuning: float) -> NDArray[np.float32]:
+def _tones(samples: NDArray[np.float32], level: float, block: slice, tuning: float) -> NDArray[np.float32]:
     """Magnitudes of the constant-Q transform of a block of frames, (252, T_b), as in the whole song's.
 
     The samples around the block that the filters of the lowest octave reach are transformed with it.
     """
     first = max(0, block.start * _HOP - _CQT_REACH)
-    tones = constant_q(samples[first : block.stop * _HOP + _CQT_REACH], _HOP, tuning)
+    tones = constant_q(scaled(samples[first : block.stop * _HOP + _CQT_REACH], level), _HOP, tuning)
     return tones[:, block.start - first // _HOP : block.stop - first // _HOP]
 
 
-def _span(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
-    """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
-    inside = samples[max(0, first) : max(0, stop)]
-    return np.pad(inside, (max(0, -first), stop - max(0, first) - len(inside)))
+def _span(samples: NDArray[np.float32], level: float, first: int, stop: int) -> NDArray[np.float32]:
+    """Samples `first` … `stop` - 1 relative to a level, with silence before and after the song."""
+    return scaled(silent_outside(samples, first, stop), level)
 
 
 def _timbre_frames(block: NDArray[np.float32], tuning: float) -> dict[str, NDArray[np.floating]]:
@@ -231,12 +231,12 @@ def _zero_crossings(block: NDArray[np.float32]) -> NDArray[np.floating]:
     return share
 
 
-def _tuning(samples: NDArray[np.float32]) -> float:
+def _tuning(samples: NDArray[np.float32], level: float) -> float:
     """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 if no pitch is found."""
     n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP
     parts = []  # frequencies and magnitudes of all peaks
     for block in frame_blocks(n_frames, _TUNING_BLOCK_FRAMES):
-        span = _span(samples, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
+        span = _span(samples, level, block.start * _TUNING_HOP, (block.stop - 1) * _TUNING_HOP + _WINDOW)
         parts.append(spectral_peaks(np.abs(_spectra(span, _TUNING_HOP)), _WINDOW))
     pitches_hz, magnitudes = (np.concatenate(part) for part in zip(*parts, strict=True))
     if len(pitches_hz) == 0:
