@@ -127,7 +127,6 @@ def _mel_bounds_hz(n_bands: int) -> NDArray[np.float64]:
 
 
 _BLOCK = 735  # samples, 1/30 s, which are gated together as sound or pause
-_AT_ONCE = 1 << 20  # samples scaled in double precision
 PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB). Quieter blocks are pauses and do not count
 
 
@@ -139,18 +138,16 @@ def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
     finite. (Rhythm is a Dancer, section 5: RMS normalisation. There, pauses count too.)
     """
     samples = np.asarray(samples, np.float32)
-    level = loudness(samples)
-    out = np.empty_like(samples)
-    for part in frame_blocks(len(samples), _AT_ONCE):
-        out[part] = scaled(samples[part], level)
-    return out
+    return scaled(samples, loudness(samples))
 
 
 def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
     """Samples (S,) relative to a level. An infinite one makes them silent."""
     if np.isinf(level):
         return np.zeros_like(samples)
-    return (samples / np.float64(level)).astype(np.float32)
+    out = np.empty_like(samples)
+    np.divide(samples, np.float64(level), out=out, casting="same_kind")  # in double precision, without a copy
+    return out
 
 
 def loudness(samples: NDArray[np.float32]) -> float:

@@ -65,6 +65,7 @@ _WINDOW, _HOP = 2048, 512  # samples
 _CQT_REACH = 1 << 16  # samples. The lowest octave's filters are this long
 _CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes, which take 0.3 GB. The last bit may differ at a border of blocks
 _TUNING_HOP = 8 * _HOP
+_TIMBRE_BLOCK_FRAMES = 1024
 _TUNING_BLOCK_FRAMES = 512
 # White noise at unit loudness has 768 in every bin of a power spectrum, and 16-bit dither about 1e-4. Below
 # this floor a bin is inaudible and must not determine the timbre of a pause.
@@ -117,7 +118,7 @@ def spectral_features(
     for name, rows in tonal.items():
         frames[:, SPECTRAL_COLUMNS[name]] = rows
     timbre_report = part(report, 50, _STEPS, _STEPS)
-    for block in frame_blocks(len(frames)):
+    for block in frame_blocks(len(frames), _TIMBRE_BLOCK_FRAMES):
         first = block.start * _HOP - _WINDOW // 2
         span = _span(samples, level, first, (block.stop - 1) * _HOP + _WINDOW // 2)
         for name, rows in _timbre_frames(span, tuning).items():
