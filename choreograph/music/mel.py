@@ -76,8 +76,11 @@ def windows_around(
 
 def silent_outside(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
     """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
-    inside = samples[max(0, first) : max(0, stop)]
-    return np.pad(inside, (max(0, -first), stop - max(0, first) - len(inside)))
+    span = np.zeros(stop - first, np.float32)
+    low, high = max(first, 0), min(stop, len(samples))
+    if low < high:
+        span[low - first : high - first] = samples[low:high]
+    return span
 
 
 def log_mel_of_windows(windows: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -191,3 +191,21 @@ def test_a_cost_of_the_path_without_a_lower_bound_has_no_bound():
     assert (
         plan_exact(source, [WeightedCost(Growing(), 1.0)], song_features, with_bound=True).least_total is None
     )
+
+
+def test_cheap_nodes_do_not_copy_what_all_nodes_of_a_second_have():
+    """What a path counts has a column for every motif, take and returning moment of the song."""
+    moments = [((0, 0.5),), ((1, 0.5),), *[()] * 4]
+    source, _ = random_source(0, n_motifs=5, tie_break_s=np.array([0.0, 0.1]), moments=moments)
+    layer = source.layer(3)
+    few = layer.subset(np.array([4, 1, 2]))
+    (joined, _), _ = including((few, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
+    for nodes in (few, joined):
+        for name, n_columns in (("motif_counts", 5), ("take_usage_s", 2), ("danced", 2)):
+            values = getattr(nodes, name)
+            assert values.shape == (nodes.n_nodes, n_columns) and values.strides[0] == 0
+    np.testing.assert_array_equal(joined.clip, np.append(layer.clip[[4, 1, 2]], source.node(0).clip))
+    counted = few.with_motif_counts(few.motif_counts)
+    (joined, _), _ = including((counted, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
+    np.testing.assert_array_equal(joined.motif_counts[:3], counted.motif_counts)
+    assert counted.motif_counts.any() and not joined.motif_counts[3].any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.mel import MEL_BANDS, log_mel, mel_band_hz, mel_filterbank
+from choreograph.music.mel import MEL_BANDS, log_mel, mel_band_hz, mel_filterbank, windows_around
 
 
 def slaney_edges_hz() -> np.ndarray:
@@ -73,3 +75,24 @@ def test_every_length_has_its_frames(n_samples):
 def test_mel_refuses_stereo():
     with pytest.raises(ParameterError):
         log_mel(np.zeros((100, 2)))
+
+
+@given(st.integers(1, 50), st.lists(st.integers(-20, 70), min_size=1, max_size=8), st.integers(1, 9))
+def test_windows_of_a_song_are_silent_outside_it(n_samples, centres, half):
+    samples, at = np.arange(1, n_samples + 1, dtype=np.float32), np.sort(np.array(centres))
+    windows = windows_around(samples, at, 2 * half)
+    index = at[:, None] + np.arange(-half, half)
+    expected = np.where((index >= 0) & (index < n_samples), index + 1, 0)
+    np.testing.assert_array_equal(windows, expected)
+
+
+def test_log_mel_makes_no_copy_of_the_song():
+    """A copy of these ten minutes would take 53 MB, and a block of windows takes 40 MB."""
+    samples = np.random.default_rng(0).normal(0, 0.1, 600 * SAMPLE_RATE_HZ).astype(np.float32)
+    tracemalloc.start()
+    try:
+        mel = log_mel(samples)
+        _, peak = tracemalloc.get_traced_memory()
+        assert peak < mel.nbytes + 45e6
+    finally:
+        tracemalloc.stop()
