@@ -242,7 +242,7 @@ class SpanMotifLookup:
         return self._known
 
     def add(self, keys: Indices, motifs: NDArray[np.int16]) -> None:
-        """Add spans that a lookup of the same takes, motifs and network knew, as its `known`."""
+        """Add the `known` spans of another lookup with the same takes, motifs and network."""
         known = self._known  # of one moment, since threads may share a lookup
         new = ~np.isin(keys, known[0])
         self._known = _joined(known, (keys[new], motifs[new]))

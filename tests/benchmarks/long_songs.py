@@ -10,9 +10,7 @@ CPU seconds, peak resident memory, and how long `--json` printed no progress at 
 from __future__ import annotations
 
 import argparse
-import os
 import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +19,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import soundfile
 from numpy.typing import NDArray
+from processes import reported, started
 
 import choreograph as cg
 from choreograph.core.timebase import SAMPLE_RATE_HZ
@@ -50,21 +49,20 @@ def long_song(minutes: float, seed: int = 0) -> NDArray[np.float32]:
 
 
 def cost_of(song: Path, engine: str, outputs: list[Path]) -> Cost:
-    """Dance to a song in another process; `CalledProcessError` if that fails."""
-    command = [sys.executable, "-m", "choreograph", "dance", str(song), "--engine", engine]
-    command += ["--json"]
-    command += [text for path in outputs for text in ("-o", str(path))]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    assert process.stderr is not None
+    """Dance to a song in another process. Raises `RuntimeError` if that fails."""
+    arguments = ["-m", "choreograph", "dance", str(song), "--engine", engine, "--json"]
+    arguments += [text for path in outputs for text in ("-o", str(path))]
+    command = started(arguments)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None and process.stderr is not None
     silent, last, latest = (0.0, "the start"), "the start", time.monotonic()
     for line in process.stderr:
         now = time.monotonic()
         silent = max(silent, (now - latest, last))
         last, latest = line.strip(), now
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise subprocess.CalledProcessError(status, command, stderr=last)
-    return Cost(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024, *silent)
+    spent = reported(process.stdout.read())
+    process.wait()
+    return Cost(spent.cpu_s, 1024 * spent.peak_gb, *silent)
 
 
 def main() -> None:

@@ -3,15 +3,17 @@
     python tests/benchmarks/processes.py
 
 Every process has a cache folder of its own run, so that the first one compiles all kernels. For a new song,
-the kept analyses are removed before it.
+the kept analyses are removed before it. Each is started by a small process: the peak memory of a process that
+Linux reports includes that of the one that started it.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import subprocess
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -38,13 +40,29 @@ def spent(arguments: list[str], cache: Path) -> Spent:
     """What Python with these arguments needs. Raises `RuntimeError` if it fails."""
     environment = {**os.environ, "CHOREOGRAPH_CACHE": str(cache), "OMP_NUM_THREADS": "1"}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
-    start = time.perf_counter()
-    process = os.spawnve(os.P_NOWAIT, sys.executable, [sys.executable, *arguments], environment)
-    _, status, usage = os.wait4(process, 0)
-    wall_s = time.perf_counter() - start
+    return reported(subprocess.run(started(arguments), env=environment, stdout=subprocess.PIPE).stdout)
+
+
+_STARTER = """
+import json, os, subprocess, sys, time
+start = time.perf_counter()
+process = subprocess.Popen([sys.executable, *sys.argv[1:]], stdout=subprocess.DEVNULL)
+_, status, usage = os.wait4(process.pid, 0)
+print(json.dumps([status, time.perf_counter() - start, usage.ru_utime + usage.ru_stime, usage.ru_maxrss]))
+"""
+
+
+def started(arguments: list[str]) -> list[str]:
+    """The command that runs Python with these arguments, and prints for `reported` what that needed."""
+    return [sys.executable, "-c", _STARTER, *arguments]
+
+
+def reported(printed: str | bytes) -> Spent:
+    """What a command of `started` needed. Raises `RuntimeError` if it failed."""
+    status, wall_s, cpu_s, peak_kib = json.loads(printed)
     if status:
-        raise RuntimeError(f"expected the process to succeed, got the status {status}: {arguments}")
-    return Spent(wall_s, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 2**20)  # from KiB
+        raise RuntimeError(f"expected the process to succeed, got the status {status}")
+    return Spent(wall_s, cpu_s, peak_kib / 2**20)
 
 
 def processes(folder: Path) -> dict[str, Spent]:
