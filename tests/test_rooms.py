@@ -65,6 +65,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),
     "distributed": ("core.clusters",),
+    "fsspec": ("formats.remote",),
     "joblib": ("core.workers",),
     "platformdirs": ("core", "cli"),
     "pxr": ("formats.usd",),

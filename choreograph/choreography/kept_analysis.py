@@ -2,10 +2,8 @@
 
 The motifs of spans of takes are kept in another folder, since most spans of two dances are the same.
 
-An entry is one file, whose name is a digest of everything that the analysis depends on: the samples, the
-repertoire, the options, and the program itself. It holds arrays and JSON, and nothing that is executed. It is
-written at once, and read only if its checksum is right. The entries that were not used for the longest time
-are removed when all entries exceed `MAX_BYTES`.
+An entry of `core.kept` depends on the samples, the repertoire, the options, and the program itself. It holds
+arrays and JSON, and nothing that is executed.
 """
 
 from __future__ import annotations
@@ -14,21 +12,18 @@ import hashlib
 import io
 import json
 import logging
-import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
-from choreograph.core.errors import ChoreographError
-from choreograph.core.files import atomic_path, cache_folder, sha256_of
+from choreograph.core.files import cache_folder, sha256_of
+from choreograph.core.kept import KeptEntries, program
 from choreograph.core.numerics import Floats, digest
 from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
@@ -41,7 +36,6 @@ Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
 Array = NDArray[np.float32]
 
 MAX_BYTES = 64 << 20  # of all entries: about 600 songs of three minutes
-_DIGEST_BYTES = 32
 _ARRAYS = ("style", "beat_count", "density", "energy", "onset_density")
 _NUMBERS = ("duration_s", "opening_s", "closing_s", "off_beat")
 _log = logging.getLogger("choreograph")
@@ -52,7 +46,7 @@ def kept_analysis(
 ) -> Analysis:
     """The analysis of a song from the cache. If there is none, it is made by `analyse` and written there."""
     key = digest(
-        *(_program(), repertoire.analysis_digest),
+        *(program(), repertoire.analysis_digest),
         *(song.name, song.notes, song.start_s, tracker_digest(beats), genre, _sha256(song.samples)),
     )
     return from_bytes(_kept(key, lambda: to_bytes(analyse())))  # also what was just made, as it is read later
@@ -66,7 +60,7 @@ def kept_rows(song: Song, name: str, times_s: Floats, make: Callable[[], Array])
         np.save(content, make())
         return content.getvalue()
 
-    key = digest(_program(), name, times_s, _sha256(song.samples))
+    key = digest(program(), name, times_s, _sha256(song.samples))
     rows: Array = np.load(io.BytesIO(_kept(key, written)), allow_pickle=False)
     return rows
 
@@ -89,9 +83,9 @@ def kept_spans(repertoire: Repertoire, *, keep: bool) -> Iterator[SpanMotifLooku
         return
     net, motifs = repertoire.word_net(), repertoire.vocabulary.motifs
     files = [(str(path.resolve()), _state(path)) for path in repertoire.paths]
-    key = digest(_program(), "spans", files, motifs.embeddings, net.config, net.weights)
-    path = folder / f"{key.hex()}.npz"
-    content = _read(path)
+    key = digest(program(), "spans", files, motifs.embeddings, net.config, net.weights)
+    entries = KeptEntries(folder, MAX_BYTES, ".npz")
+    content = entries.read(key)
     if content is not None:
         with np.load(io.BytesIO(content), allow_pickle=False) as stored:
             spans.add(stored["keys"], stored["motifs"])
@@ -101,7 +95,7 @@ def kept_spans(repertoire: Repertoire, *, keep: bool) -> Iterator[SpanMotifLooku
         written = io.BytesIO()
         keys, labels = spans.known
         np.savez(written, keys=keys, motifs=labels)
-        _write(path, written.getvalue())
+        entries.write(key, written.getvalue())
 
 
 def _state(path: Path) -> tuple[int, int]:
@@ -124,68 +118,18 @@ def _kept(key: bytes, make: Callable[[], bytes]) -> bytes:
     if folder is None:
         _log.warning("the analysis of the song is not kept: %s", why_not)
         return make()
-    path = folder / f"{key.hex()}.npz"
-    kept = _read(path)
+    entries = KeptEntries(folder, MAX_BYTES, ".npz")
+    kept = entries.read(key)
     if kept is not None:
         return kept
     content = make()
-    _write(path, content)
+    entries.write(key, content)
     return content
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write an entry with a checksum, and remove the oldest ones if there are too many."""
-    try:
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(content).digest() + content)
-    except ChoreographError as error:
-        _log.warning("the analysis of the song is not kept: %s", error)
-    _remove_oldest(path.parent)
 
 
 def tracker_digest(beats: str | Path) -> str:
     """The name of a tracker, or a digest of the content of a file with beats."""
     return str(beats) if names_a_tracker(beats) else sha256_of(beats)
-
-
-@lru_cache(maxsize=1)
-def _program() -> list[str]:
-    """The program's sources, and the libraries that compute."""
-    folder = Path(__file__).parents[1]
-    sources = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        sources.update(path.read_bytes())
-    return [sources.hexdigest(), np.__version__, scipy.__version__]
-
-
-def _read(path: Path) -> bytes | None:
-    """The content of an entry, or None if there is none, or a damaged one."""
-    try:
-        stored = path.read_bytes()
-    except OSError:
-        return None
-    checksum, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
-    if hashlib.sha256(content).digest() != checksum:
-        _log.warning("the kept analysis of the song was damaged: it is analysed again")
-        return None
-    with suppress(OSError):
-        os.utime(path)  # used now
-    return content
-
-
-def _remove_oldest(folder: Path) -> None:
-    """Remove entries until all have at most `MAX_BYTES`. Another process may remove them, too."""
-    entries = []
-    for path in folder.glob("*.npz"):
-        with suppress(OSError):
-            found = path.stat()
-            entries.append((found.st_mtime_ns, found.st_size, path))
-    n_bytes = 0
-    for _, size, path in sorted(entries, reverse=True):
-        n_bytes += size
-        if n_bytes > MAX_BYTES:
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
 
 
 def to_bytes(analysis: Analysis) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -30,6 +31,18 @@ if TYPE_CHECKING:
     from choreograph.library.building.options import BuildOptions, BuildResult
 
 _FILE = click.Path(path_type=Path)
+
+
+class _Source(click.Path):
+    """A path, or an address such as s3://bucket/takes, which stays a text."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path or the text."""
+        is_text = isinstance(value, str) and "://" in value
+        return value if is_text else super().convert(value, param, ctx)
+
+
+_SOURCE = _Source(path_type=Path)
 _PUBLISHED = ("augment_mirror", "init_from", "keep_networks")  # settings that --published needs as they are
 _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 
@@ -50,7 +63,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
         "choreograph build-db --replace again/ --remove W_1 rep.h5 -o rep2.h5",
     ),
 )
-@click.argument("sources", nargs=-1, required=True, type=_FILE)
+@click.argument("sources", nargs=-1, required=True, type=_SOURCE)
 @optgroup.group("Output")
 @optgroup.option("-o", "--output", type=_FILE, help="Repertoire to write. Required without --check.")
 @optgroup.option(
@@ -64,10 +77,10 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 @optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
 @optgroup.group("Changes of the repertoire SOURCES, which is replaced unless -o names another file")
 @optgroup.option(
-    "--add", multiple=True, type=_FILE, metavar="SOURCE", help="Add the takes of this source. Repeatable."
+    "--add", multiple=True, type=_SOURCE, metavar="SOURCE", help="Add the takes of this source. Repeatable."
 )
 @optgroup.option(
-    "--replace", multiple=True, type=_FILE, metavar="SOURCE",
+    "--replace", multiple=True, type=_SOURCE, metavar="SOURCE",
     help="Replace its takes of the same names by those of this source. Repeatable.",
 )  # fmt: skip
 @optgroup.option(
@@ -130,6 +143,14 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     "--dask", metavar="ADDRESS",
     help="Dask scheduler whose workers read and measure takes, such as tcp://10.0.0.5:8786.",
 )  # fmt: skip
+@optgroup.option(
+    "--stage", is_flag=True, default=None,
+    help="Send takes and songs along to the workers of --dask, which then need no access to them.",
+)  # fmt: skip
+@optgroup.option(
+    "--no-cache", is_flag=True,
+    help="Read and measure all takes again, also those that an earlier build has measured.",
+)  # fmt: skip
 @optgroup.option("--resume", is_flag=True, default=None, help="Continue a build that was stopped.")
 @optgroup.option("--device", metavar="auto|cpu|cuda", help="Where to train: a GPU if there is one (auto).")
 @optgroup.option("--seed", type=int, help="Seed of the training (0).")
@@ -138,16 +159,17 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     help="Any other setting, such as words=false. Repeatable. `choreograph settings --build` lists them.",
 )  # fmt: skip
 def command(
-    sources: tuple[Path, ...],
+    sources: tuple[Path | str, ...],
     output: Path | None,
     check: bool,
     quiet: bool,
-    add: tuple[Path, ...],
-    replace: tuple[Path, ...],
+    add: tuple[Path | str, ...],
+    replace: tuple[Path | str, ...],
     remove: tuple[str, ...],
     leave_out: tuple[str, ...],
     map_path: Path | None,
     published: bool,
+    no_cache: bool,
     assigned: tuple[str, ...],
     **options: Any,
 ) -> None:
@@ -156,6 +178,7 @@ def command(
     A take is NAME.bvh, .c3d, .glb, .npz or (with Blender) .fbx, with its music as NAME.wav|mp3|flac|ogg|m4a
     and an optional manifest.csv. The layouts of dance-with-melody, ChoreoNet (whose lists also count the
     takes of dance-with-melody), AIST++ and AMASS are read as well. A folder may hold several layouts.
+    SOURCES may also be addresses, such as s3://bucket/takes (extra `remote`).
     NAME.counts.csv beside NAME.bvh states the counts of a take: time_s,number,figure.
 
     With --add, --replace or --remove, SOURCES is a repertoire. Only new takes are read, and networks and
@@ -170,6 +193,7 @@ def command(
         raise click.UsageError("Missing option '-o' / '--output'.")
     check_outputs_apart([output], named_by=("output",))
     options["leave_out"] = names_of(leave_out) or None
+    options["cache_gb"] = 0.0 if no_cache else None
     options["bone_map"] = read_bone_map(map_path) if map_path else None
     if is_change:
         _change(sources, output, options, add=add, replace=replace, remove=remove, quiet=quiet)
@@ -197,7 +221,7 @@ def command(
     _build(sources, output, built_with, quiet=quiet)
 
 
-def _build(sources: Sequence[Path], output: Path, settings: BuildOptions, *, quiet: bool) -> None:
+def _build(sources: Sequence[Path | str], output: Path, settings: BuildOptions, *, quiet: bool) -> None:
     """Build the repertoire and print what was built. At Ctrl-C, exit with status 130."""
     import choreograph as cg
 
@@ -223,17 +247,17 @@ _CHANGES = ("--add", "--replace", "--remove")
 # The other options that a change of a repertoire has: those about the reading of sources.
 _OF_CHANGES = (
     *_CHANGES, "--output", "--quiet", "--leave-out", "--skip-bad", "--allow-outside", "--map", "--workers",
-    "--dask",
+    "--dask", "--stage", "--no-cache",
 )  # fmt: skip
 
 
 def _change(
-    repertoires: Sequence[Path],
+    repertoires: Sequence[Path | str],
     output: Path | None,
     options: Mapping[str, Any],
     *,
-    add: Sequence[Path],
-    replace: Sequence[Path],
+    add: Sequence[Path | str],
+    replace: Sequence[Path | str],
     remove: tuple[str, ...],
     quiet: bool,
 ) -> None:
@@ -260,13 +284,22 @@ def _change(
         _show(changed)
 
 
-def _check(sources: Sequence[Path], settings: BuildOptions, *, quiet: bool) -> None:
+def _check(sources: Sequence[Path | str], settings: BuildOptions, *, quiet: bool) -> None:
     """Print a row for each file of the sources. Raises if a build would fail."""
+    from choreograph.core.kept import keeping
     from choreograph.core.workers import working
+    from choreograph.formats.remote import local_sources
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
-    with stages(quiet=quiet) as shown, working(settings.workers, settings.dask):
-        imported = import_sources(sources, settings, shown.report)
+    with (
+        stages(quiet=quiet) as shown,
+        TemporaryDirectory() as folder,
+        local_sources(sources, Path(folder), shown.report) as paths,
+        working(settings.workers, settings.dask, stage=settings.stage),
+        keeping(settings.cache_gb),
+    ):
+        read = [path.absolute() for path in paths] if settings.dask else paths
+        imported = import_sources(read, settings, shown.report)
     files = checked_files(imported)
     table = [("file", "rig", "units", "counts", "length", "what happens")]
     table += [(_shown(f.path), f.rig, f.units, f.counts, f.length, f.happens) for f in files]

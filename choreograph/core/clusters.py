@@ -1,18 +1,22 @@
 """The same work on many inputs, by the workers of a Dask scheduler, which may be other machines.
 
 Needs the extra `cluster`. Functions, inputs and results are pickled. Files that a function reads must have
-the same path for every worker.
+the same path for every worker, unless they are sent along (`core.staging`).
 """
 
 from __future__ import annotations
 
+import warnings
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any, TypeVar
 
 from choreograph.core.errors import ChoreographError
+from choreograph.core.staging import StagedResult, on_staged, staged
 
 _AHEAD = 2  # inputs of a worker that are sent before their results are needed
 _CONNECT_S = 10.0
@@ -43,9 +47,14 @@ class Cluster:
         return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
     def each(
-        self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]
+        self,
+        function: Callable[[_Input], _Result],
+        inputs: Sequence[_Input],
+        files: Callable[[_Input], Iterable[Path]] | None = None,
     ) -> Generator[_Result, None, None]:
         """The result of `function` for each input, in order.
+
+        The files of an input, if there are any, are sent along.
 
         Work that is lost with a worker or a scheduler is done again. Raises what `function` raises,
         `WorkerKilled` when the scheduler gives an input up, which may have been beside the one that kills
@@ -57,7 +66,7 @@ class Cluster:
         done, losses = 0, 0
         while done < len(inputs):
             try:
-                for result in self._in_order(function, inputs[done:]):
+                for result in self._in_order(function, inputs[done:], files):
                     yield result
                     done, losses = done + 1, 0
             except KilledWorker as error:
@@ -70,20 +79,38 @@ class Cluster:
                         "they running?"
                     ) from error
 
-    def _in_order(self, function: Callable[[_Input], _Result], inputs: Sequence[_Input]) -> Iterator[_Result]:
+    def _in_order(
+        self,
+        function: Callable[[_Input], _Result],
+        inputs: Sequence[_Input],
+        files: Callable[[_Input], Iterable[Path]] | None,
+    ) -> Iterator[_Result]:
         """Results in order. Only as many inputs are sent as workers need, since some are whole takes."""
         n_ahead = _AHEAD * self.n_workers
         running: deque[Any] = deque()
-        waiting = iter(inputs)
         try:
-            for one in waiting:
-                running.append(self._client.submit(function, one, pure=False))
+            for one in inputs:
+                running.append(self._submitted(function, one, files))
                 if len(running) > n_ahead:
-                    yield running.popleft().result()
+                    yield _received(running.popleft().result())
             while running:
-                yield running.popleft().result()
+                yield _received(running.popleft().result())
         finally:
             self._client.cancel(list(running))
+
+    def _submitted(
+        self,
+        function: Callable[[_Input], _Result],
+        one: _Input,
+        files: Callable[[_Input], Iterable[Path]] | None,
+    ) -> Any:
+        """The future result, sent back as it is or, with the files of the input, as a `StagedResult`."""
+        work, sent = (
+            (function, one) if files is None else (partial(on_staged, function), staged(one, files(one)))
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on the size of whole takes
+            return self._client.submit(work, sent, pure=False)
 
     def _is_back(self) -> bool:
         """Whether the scheduler has a worker, now or within some seconds."""
@@ -94,6 +121,10 @@ class Cluster:
         except (CommClosedError, OSError):  # a time that is over is an OSError
             return False
         return True
+
+
+def _received(result: Any) -> Any:
+    return result.received() if isinstance(result, StagedResult) else result
 
 
 @contextmanager

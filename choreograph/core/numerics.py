@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields, is_dataclass
+from pathlib import PurePath
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
@@ -270,7 +271,7 @@ def rows_from(
 
 
 def digest(*values: object) -> bytes:
-    """A digest of the content of values: numbers, text, arrays, dataclasses, and collections of these.
+    """A digest of the content of values: numbers, text, paths, arrays, dataclasses, and collections of these.
 
     Raises `TypeError` for anything else.
     """
@@ -289,6 +290,8 @@ def _add_content(value: object, add: Callable[[Any], None]) -> None:
     elif value is None or isinstance(value, str | int | float | np.generic):
         text = f"{type(value).__name__}{value!r}"
         add(f"{len(text)}:{text}".encode())
+    elif isinstance(value, PurePath):
+        _add_content(["path", str(value)], add)
     elif isinstance(value, Mapping):
         _add_content(list(value.items()), add)
     elif isinstance(value, tuple | list):

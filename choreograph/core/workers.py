@@ -16,6 +16,7 @@ from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TypeVar
 
 from choreograph.core.clusters import Cluster, WorkerKilled, connected
@@ -28,6 +29,7 @@ _Input = TypeVar("_Input")
 _Result = TypeVar("_Result")
 _n_workers: ContextVar[int] = ContextVar("n_workers", default=1)
 _cluster: ContextVar[Cluster | None] = ContextVar("cluster", default=None)
+_sends_files: ContextVar[bool] = ContextVar("sends_files", default=False)
 
 
 def n_cores() -> int:
@@ -60,26 +62,29 @@ def workers(n: int) -> Iterator[None]:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Cluster]:
+def cluster(address: str, *, stage: bool = False) -> Iterator[Cluster]:
     """Inside, `each` uses the workers of the Dask scheduler at `address`, and `beside` this process.
+
+    With `stage`, files that are read are sent along, to workers that share no file system.
 
     Raises as `clusters.connected`.
     """
     with connected(address) as of_address:
-        tokens = _cluster.set(of_address), _n_workers.set(1)
+        tokens = _cluster.set(of_address), _n_workers.set(1), _sends_files.set(stage)
         try:
             yield of_address
         finally:
             _cluster.reset(tokens[0])
             _n_workers.reset(tokens[1])
+            _sends_files.reset(tokens[2])
 
 
-def working(n: int, dask: str) -> AbstractContextManager[Cluster | None]:
+def working(n: int, dask: str, *, stage: bool = False) -> AbstractContextManager[Cluster | None]:
     """A context in which `each` uses the scheduler at the address `dask`, or `n` processes if it is empty.
 
-    `n` is 0 for one process for each CPU core.
+    `n` is 0 for one process for each CPU core. `stage` is that of `cluster`.
     """
-    return cluster(dask) if dask else workers(n or n_cores())
+    return cluster(dask, stage=stage) if dask else workers(n or n_cores())
 
 
 def _end_processes() -> None:
@@ -95,22 +100,26 @@ def each(
     *,
     killed: Callable[[_Input], _Result] | None = None,
     named: Callable[[_Input], str] = str,
+    fewest: int = FEWEST,
+    files: Callable[[_Input], Iterable[Path]] | None = None,
 ) -> Iterator[_Result]:
     """The result of `function` for each input, in order, when it is needed.
 
-    In processes, `function`, inputs and results are pickled. An input whose process is killed twice has the
+    In processes, which are started for `fewest` inputs or more, `function`, inputs and results are pickled.
+    An input whose process is killed twice has the
     result `killed(input)`.
 
     Raises what `function` raises, and `ChoreographError` for such an input without `killed`, which is called
-    `named(input)` there.
+    `named(input)` there. `files(input)` are the files that `function` reads, which may have to be sent along.
     """
     inputs = list(inputs)
     elsewhere = _cluster.get()
     n = min(_n_workers.get(), len(inputs)) if elsewhere is None else elsewhere.n_workers
-    if elsewhere is None and (n == 1 or len(inputs) < FEWEST):
+    if elsewhere is None and (n == 1 or len(inputs) < fewest):
         yield from map(function, inputs)
         return
-    start = partial(_started, n) if elsewhere is None else elsewhere.each
+    sent = files if _sends_files.get() else None
+    start = partial(_started, n) if elsewhere is None else partial(elsewhere.each, files=sent)
     done, one_by_one = 0, 0
     while done < len(inputs):
         stop = done + 1 if one_by_one else len(inputs)

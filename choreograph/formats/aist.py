@@ -136,14 +136,16 @@ def detect(path: Path) -> bool:
 def read(path: Path) -> Iterator[Take | SkippedFile]:
     """The takes by name. Those in `ignore_list.txt`, which are badly reconstructed, are skipped."""
     if path.is_file():
-        yield from each_attempted([(partial(_take, _songs_in(path.parent)), path)])
+        yield from each_attempted([(partial(_take, _song_of(path, _songs_in(path.parent))), path)])
         return
     ignored = set()
     if (path / "ignore_list.txt").is_file():
         ignored = set(read_text(path / "ignore_list.txt", "a list of takes", fallback="latin-1").split())
     files = sorted((path / "motions").glob("[!.]*.pkl"))
-    take = partial(_take, _songs_in(path))
-    read = each_attempted((take, file) for file in files if file.stem not in ignored)
+    songs = _songs_in(path)
+    read = each_attempted(
+        (partial(_take, _song_of(file, songs)), file) for file in files if file.stem not in ignored
+    )
     for file in files:
         yield SkippedFile(file, "in ignore_list.txt") if file.stem in ignored else next(read)
 
@@ -152,13 +154,19 @@ def _songs_in(path: Path) -> list[SongsByName]:
     return [SongsByName.in_folder(path / folder) for folder in ("music", "wav", "audio")]
 
 
-def _take(songs: Sequence[SongsByName], file: Path) -> Take:
+def _song_of(file: Path, songs: Sequence[SongsByName]) -> Path | None:
+    """The song that the name of a file states, if it is in one of the folders."""
+    named = _NAME.fullmatch(file.stem)
+    name = named["song"] if named else ""
+    return next(filter(None, (folder.of(name) for folder in songs)), None)
+
+
+def _take(song: Path | None, file: Path) -> Take:
     motion, notes = _motion(file)
     named = _NAME.fullmatch(file.stem)
     if named is None:
         notes += ("the file name does not state genre, performer and music",)
     parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
-    song = next(filter(None, (folder.of(parts["song"]) for folder in songs)), None)
     return Take(
         name=file.stem,
         motion=motion,

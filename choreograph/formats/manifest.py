@@ -13,8 +13,10 @@ import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadableFilesError
-from choreograph.core.workers import each
+from choreograph.core.files import sha256_of
+from choreograph.core.kept import each_kept, key_of
 from choreograph.formats import motion_suffixes
+from choreograph.formats.gltf_files import referenced_files
 from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
 from choreograph.formats.tables import Row, as_number, check_within, read_table, with_counts_of
 from choreograph.motion.motion import LONGEST_S, Take
@@ -64,6 +66,7 @@ def foreign_format(path: Path) -> ForeignFormat | None:
 
 SONG_SUFFIXES = (".wav", ".mp3", ".flac", ".ogg", ".m4a")
 VIDEO_SUFFIXES = (".mp4", ".mov", ".mkv", ".webm", ".avi")  # their sound is used if there is no song
+_LARGEST_KEPT_BYTES = 1 << 30  # of a file that is read once more for its checksum
 _MANIFESTS = (".tsv", ".txt", ".xls", ".xlsx", ".ods", ".json")  # in which a manifest may be kept by mistake
 
 File = TypeVar("File")
@@ -102,8 +105,45 @@ def attempted(read: Callable[[Path], Content], path: Path) -> Content | SkippedF
 def each_attempted(
     jobs: Iterable[tuple[Callable[[Path], Content], Path]],
 ) -> Iterator[Content | SkippedFile]:
-    """`attempted` for each pair of a function and a path, in the processes of `core.workers`."""
-    return each(_attempted_job, jobs, killed=_killed)
+    """`attempted` for each pair of a function and a path, in the processes of `core.workers`.
+
+    Inside of `core.kept.keeping`, what was read from files of the same names and contents is not read again.
+    """
+    return each_kept(
+        _attempted_job,
+        jobs,
+        key=_job_key,
+        is_kept=_is_read,
+        killed=_killed,
+        files=lambda job: files_of(job[1]),
+    )
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files that are read with a motion: all of a folder, or a file with its buffers."""
+    if path.is_dir():
+        return sorted(file for file in path.rglob("*") if file.is_file())
+    return [path, *(referenced_files(path) if path.suffix.lower() == ".gltf" else [])]
+
+
+def _job_key(job: tuple[Callable[[Path], Content], Path]) -> bytes | None:
+    """The key of what a function reads, or None if it is not kept."""
+    function, path = job
+    if path.suffix.lower() == ".fbx":  # what is read depends on Blender
+        return None
+    contents = []
+    try:
+        for file in files_of(path):
+            if not file.is_file() or file.stat().st_size > _LARGEST_KEPT_BYTES:
+                return None
+            contents.append((file, sha256_of(file)))
+    except OSError:
+        return None
+    return key_of(function, path, path.resolve(), contents)
+
+
+def _is_read(found: object) -> bool:
+    return not isinstance(found, SkippedFile)
 
 
 def _attempted_job(job: tuple[Callable[[Path], Content], Path]) -> Content | SkippedFile:

@@ -46,6 +46,10 @@ KINDS: dict[str, NoteKind] = {
     "import": NoteKind("{text}"),
     "jumps": NoteKind("one-frame jumps of markers were smoothed ({jumps:.0f} in {limbs})"),
     "short": NoteKind("the motion is shorter than a clip of {clip_s:g} s and gives none"),
+    "kept takes": NoteKind(
+        "{kept:.0f} of {takes:.0f} takes are as in an earlier build, whose measurements were read", "",
+        is_stored=False,
+    ),
     "retargeted": NoteKind(
         "the takes have different skeletons, so all are retargeted to the canonical body", ""
     ),

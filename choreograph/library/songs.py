@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
 from choreograph.core.errors import ParameterError
+from choreograph.core.files import sha256_of
+from choreograph.core.kept import each_kept, key_of
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, times_to_frames
-from choreograph.core.workers import each
 from choreograph.library.notes import Note
 from choreograph.motion.motion import Take
 from choreograph.music.bars import track_bars
@@ -127,13 +128,19 @@ class SongCache:
         return self._analysed[path]
 
     def analyse(self, paths: Iterable[Path], report: StepReport | None = None) -> None:
-        """Analyse songs in the processes of `core.workers`. Raises as `load_song`."""
+        """Analyse songs in the processes of `core.workers`, or read what is kept. Raises as `load_song`."""
         new = [path for path in dict.fromkeys(paths) if path not in self._analysed]
         analyse = partial(_analysed, beats=self._beats, keep_samples=self._keep_samples)
-        for done, (path, song) in enumerate(zip(new, each(analyse, new), strict=True)):
+        key = partial(_analysis_key, analyse) if not self._keep_samples else lambda path: None
+        each_song = each_kept(analyse, new, key=key, files=lambda path: [path])
+        for done, (path, song) in enumerate(zip(new, each_song, strict=True)):
             self._analysed[path] = song
             if report is not None:
                 report(done + 1, len(new))
+
+
+def _analysis_key(analyse: Callable[[Path], AnalysedSong], path: Path) -> bytes | None:
+    return key_of(analyse, path.name, sha256_of(path)) if path.is_file() else None
 
 
 def _analysed(path: Path, *, beats: str, keep_samples: bool) -> AnalysedSong:

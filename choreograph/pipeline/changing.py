@@ -41,7 +41,7 @@ def change_takes(
     output : the file to write instead
     report : called with the name of the stage, the work done so far, and all the work
     **settings : settings of `build` about the reading of sources: `leave_out`, `skip_bad`, `allow_outside`,
-        `bone_map`, `workers` and `dask`
+        `bone_map`, `workers`, `dask`, `stage` and `cache_gb`
 
     Returns the repertoire and what was unusual in the new takes. A note says how far they are from those that
     the networks were trained on.
@@ -80,6 +80,6 @@ def change_takes(
     return growing.change_takes(as_path("a repertoire file", repertoire), changes, target, options, report)
 
 
-def _sources(name: str, given: str | Path | Iterable[str | Path]) -> tuple[Path, ...]:
+def _sources(name: str, given: str | Path | Iterable[str | Path]) -> tuple[str | Path, ...]:
     paths = [given] if isinstance(given, str | Path) else given
-    return tuple(map(Path, as_list(name, paths, "paths", str | Path)))
+    return tuple(as_list(name, paths, "paths", str | Path))

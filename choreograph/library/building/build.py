@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
+from choreograph.core.kept import keeping
 from choreograph.core.numerics import digest
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
+from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
@@ -33,6 +35,7 @@ from choreograph.library.building.takes import (
     FEWEST_WORDS,
     SegmentedTake,
     keep_motifs,
+    kept_notes,
     make_motifs,
     measured_takes,
     segment_takes,
@@ -64,7 +67,8 @@ def build_repertoire(
 
     Parameters
     ----------
-    sources : folders or files of takes, of any layout in `choreograph.formats.register`
+    sources : folders or files of takes, of any layout in `choreograph.formats.register`, or their addresses
+        as of `choreograph.formats.remote`
     output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     teacher : makes dances that the rollout network learns from in addition to the takes, by default none
     report : called with the name of the stage, the work done so far, and all the work
@@ -83,16 +87,23 @@ def build_repertoire(
     sources = tuple(sources)
     output = check_target(output)
     work = folder_beside(output, ".build")
-    check_apart([output, work], [*sources, *([options.init_from] if options.init_from else ())])
+    on_disk = [source for source in sources if not is_address(source)]
+    check_apart([output, work], [*on_disk, *([options.init_from] if options.init_from else ())])
     doing = f"builds {output.name}"
-    with locked_folder(work, doing=doing), working(options.workers, options.dask) as cluster:
+    with (
+        locked_folder(work, doing=doing),
+        local_sources(sources, work, report) as paths,
+        working(options.workers, options.dask, stage=options.stage) as cluster,
+        keeping(options.cache_gb) as kept,
+    ):
         if cluster is not None:
-            sources = tuple(Path(source).absolute() for source in sources)  # workers are elsewhere
+            paths = tuple(source.absolute() for source in paths)  # workers are elsewhere
             if report is not None:
                 report(f"connected, {cluster.dashboard}", 0, 0)
-        notes = _write_built(sources, output, work, options, teacher, report, training_report)
+        notes = _write_built(paths, output, work, options, teacher, report, training_report)
     repertoire = Repertoire.open(output)
-    return BuildResult(repertoire, summary(notes, len(repertoire.takes), output.name))
+    n_takes = len(repertoire.takes)
+    return BuildResult(repertoire, summary([*notes, *kept_notes(kept, n_takes)], n_takes, output.name))
 
 
 def _write_built(

@@ -11,20 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
+from choreograph.core.kept import each_kept, key_of
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import PretrainedNet
 from choreograph.library.notes import Note
+from choreograph.library.schema import NetArrays
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
-from choreograph.motion.motion import Take
+from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 
 MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
@@ -42,6 +45,7 @@ MAX_MOTION_UNCERTAINTY = 0.3
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # in fewer windows, random phases agree too often
+_FEWEST_SHARED = 24  # takes that processes share: each imports torch first, as long as six takes need
 _STILL_M_S = 0.02  # slower motion counts as equally still
 
 
@@ -78,28 +82,54 @@ def counted_takes(
     be read.
     """
     songs.analyse(m.take.song_path for m in measured if not len(m.take.counts) and m.take.song_path)
+    uncounted = [_Uncounted.of(m, songs) for m in measured if not len(m.take.counts)]
+    key = partial(key_of, _decide if count_motion is None else count_motion)
+    decided = each_kept(
+        partial(_decide, count_motion),
+        uncounted,
+        key=key,
+        named=lambda take: take.name,
+        fewest=_FEWEST_SHARED,
+    )
     counted, decisions = [], []
     for given in measured:
         if len(given.take.counts):
             counted.append(given)
             continue
-        counts, decision = _decide(given, songs, count_motion)
+        counts, decision = next(decided)
         counted.append(replace(given, take=replace(given.take, counts=counts)))
         decisions.append(decision)
     return counted, decisions
 
 
-def _decide(
-    measured: MeasuredTake, songs: SongCache, count_motion: MotionCounter | None
-) -> tuple[Counts, CountDecision]:
+@dataclass(frozen=True, eq=False)
+class _Uncounted:
+    """A take without counts, as other processes need it."""
+
+    name: str
+    motion: Motion
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
+    song: Counts | None  # of its song, if there is one
+    song_start_s: float
+
+    @classmethod
+    def of(cls, measured: MeasuredTake, songs: SongCache) -> _Uncounted:
+        take = measured.take
+        song = songs.analysed(take.song_path).counts if take.song_path else None
+        return cls(take.name, take.motion, measured.body_pos_m, song, take.song_start_s)
+
+
+def _decide(count_motion: MotionCounter | None, take: _Uncounted) -> tuple[Counts, CountDecision]:
     """The counts of a take that has none, from its song, else from its motion, else none."""
-    name = measured.take.name
-    counts = _counts_from_own_song(measured.take, songs)
+    name, counts = take.name, NO_COUNTS
+    if take.song is not None:
+        pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
+        counts = counts_from_song(take.song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
     if len(counts):
         return counts, CountDecision(name, counts.source or FROM_MUSIC, counts.confidence)
     if count_motion is None:
         return NO_COUNTS, CountDecision(name, "", 0.0)
-    counts = count_motion(measured.body_pos_m)
+    counts = count_motion(take.body_pos_m)
     uncertainty = _mean_uncertainty(counts)
     if are_likely_right(counts):
         return counts, CountDecision(name, FROM_MOTION, counts.confidence, uncertainty)
@@ -128,14 +158,13 @@ def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounte
     """The network that estimates counts from motion, or None if the set has none."""
     if MOTION_NET not in pretrained:
         return None
-    stored = pretrained[MOTION_NET].arrays
+    return partial(_counts_by, pretrained[MOTION_NET].arrays)
 
-    def count(body_pos_m: NDArray[np.floating]) -> Counts:
-        from choreograph.nets.count_phases import MotionCountsNet
 
-        return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
+def _counts_by(stored: NetArrays, body_pos_m: NDArray[np.floating]) -> Counts:
+    from choreograph.nets.count_phases import MotionCountsNet
 
-    return count
+    return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
 
 
 def counts_from_song(
@@ -187,11 +216,3 @@ def phase_lock(speed_m_s: Floats, fps: float, beat_times_s: Floats) -> float:
     sums = [np.bincount(window[is_inside], part[is_inside], n_windows) for part in (slow.real, slow.imag)]
     size = float(np.hypot(*sums).sum())
     return max(0.0, float(sums[0].sum()) / size) if size > 0.0 else 0.0
-
-
-def _counts_from_own_song(take: Take, songs: SongCache) -> Counts:
-    if take.song_path is None:
-        return NO_COUNTS
-    song = songs.analysed(take.song_path).counts
-    pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
-    return counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)

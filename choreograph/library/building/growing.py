@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
+from choreograph.core.kept import keeping
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import working
+from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.build import clip_features
 from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
 from choreograph.library.building.joining import TakeOrigin, TakeRows, joined_arrays, joined_notes
@@ -34,6 +36,7 @@ from choreograph.library.building.takes import (
     SegmentedTake,
     check_takes,
     import_sources,
+    kept_notes,
     prepared_takes,
     segment_takes,
     short_notes,
@@ -56,12 +59,12 @@ from choreograph.motion.motion import Take
 class TakeChanges:
     """What is changed in a repertoire."""
 
-    add: tuple[Path, ...] = ()  # sources of takes with new names
-    replace: tuple[Path, ...] = ()  # sources of takes whose names are in the repertoire
+    add: tuple[str | Path, ...] = ()  # sources of takes with new names
+    replace: tuple[str | Path, ...] = ()  # sources of takes whose names are in the repertoire
     remove: tuple[str, ...] = ()  # names of takes
 
     @property
-    def sources(self) -> tuple[Path, ...]:
+    def sources(self) -> tuple[str | Path, ...]:
         """All sources."""
         return (*self.add, *self.replace)
 
@@ -89,12 +92,22 @@ def change_takes(
     if not changes.sources and not changes.remove:
         raise ParameterError("expected takes to add, to replace or to remove, got none")
     target = check_target(path if output is None else output)
-    check_apart([target], [*changes.sources, *([] if output is None else [path])])
+    on_disk = [source for source in changes.sources if not is_address(source)]
+    check_apart([target], [*on_disk, *([] if output is None else [path])])
     work = folder_beside(target, ".build")
-    with locked_folder(work, doing=f"changes {target.name}"), working(options.workers, options.dask):
+    with (
+        locked_folder(work, doing=f"changes {target.name}"),
+        local_sources(changes.sources, work, report) as paths,
+        working(options.workers, options.dask, stage=options.stage),
+        keeping(options.cache_gb) as results,
+    ):
+        if options.dask:
+            paths = tuple(source.absolute() for source in paths)  # workers are elsewhere
         kept = _Kept.of(RepertoireFile(path), options)
-        new = _new_takes(kept, changes, report)
+        n_added = len(changes.add)
+        new = _new_takes(kept, paths[:n_added], paths[n_added:], changes.remove, report)
         notes = _write_changed(kept, new, changes, target)
+        notes += kept_notes(results, len(new.measured))
     repertoire = Repertoire.open(target)
     lines = summary(notes, len(repertoire.takes), target.name, n_stored=len(repertoire.notes))
     return BuildResult(repertoire, lines)
@@ -147,14 +160,20 @@ class _NewTakes:
         return [m.take.name for m in self.measured]
 
 
-def _new_takes(kept: _Kept, changes: TakeChanges, report: ProgressReport | None) -> _NewTakes:
+def _new_takes(
+    kept: _Kept,
+    add: Sequence[Path],
+    replace: Sequence[Path],
+    remove: Sequence[str],
+    report: ProgressReport | None,
+) -> _NewTakes:
     """Read, measure, count and embed the takes of the sources."""
-    if not changes.sources:
-        _check_names(kept.names, (), (), changes.remove)
+    if not (add or replace):
+        _check_names(kept.names, (), (), remove)
         return _NewTakes()
     options = kept.options
-    added, replaced = (_imported(sources, options, report) for sources in (changes.add, changes.replace))
-    _check_names(kept.names, added.takes, replaced.takes, changes.remove)
+    added, replaced = (_imported(sources, options, report) for sources in (add, replace))
+    _check_names(kept.names, added.takes, replaced.takes, remove)
     takes = [*added.takes, *replaced.takes]
     skeleton = kept.repertoire.skeleton
     on_it = all(take.motion.skeleton.same_as(skeleton) for take in takes)
@@ -177,7 +196,7 @@ def _new_takes(kept: _Kept, changes: TakeChanges, report: ProgressReport | None)
     nets = {name: kept.file.read_net(name) for name in kept.file.net_names if name.split("_")[0] != "rollout"}
     features = clip_features(nets, kept.file.density, [])
     arrays = with_derived(
-        features.arrays(measured, source_checksums(measured, changes.sources)), compress=options.compress
+        features.arrays(measured, source_checksums(measured, (*add, *replace))), compress=options.compress
     )
     if segmented:
         arrays["motifs/word_take"] = word_table(segmented).take

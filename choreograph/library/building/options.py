@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypedDict
 
+from choreograph.core.errors import ParameterError
 from choreograph.core.progress import counted, cut_line, one_line
 from choreograph.core.settings import Range, settings
 from choreograph.library.notes import Note
@@ -66,7 +67,15 @@ class BuildOptions:
 
     dask: str = ""
     """Address of a Dask scheduler, such as tcp://10.0.0.5:8786, whose workers read and measure takes and
-    analyse songs. Takes must have the same paths there. The result does not depend on it."""
+    analyse songs. Takes must have the same paths there, unless `stage` is set. The result does not depend on
+    it."""
+
+    stage: bool = False
+    """Whether takes and songs are sent along to the workers of `dask`, which then need no access to them."""
+
+    cache_gb: Annotated[float, Range(0)] = 4.0
+    """Gigabytes of the user's cache for measured takes and analysed songs, so that a later build reads only
+    what is new. Those of 15 hours need 4 GB. The result does not depend on it. 0 keeps nothing."""
 
     resume: bool = False
     """Whether to continue from the checkpoints of a build that was stopped."""
@@ -141,6 +150,8 @@ class BuildOptions:
             (rollout_config, self.rollout_changes),
         ):
             config_from_preset({self.preset: config(self.preset)}, self.preset, changes)
+        if self.stage and not self.dask:
+            raise ParameterError("expected the address of a Dask scheduler (dask) beside stage, got none")
 
 
 class ReadingSettings(TypedDict, total=False):
@@ -148,6 +159,8 @@ class ReadingSettings(TypedDict, total=False):
 
     workers: int
     dask: str
+    stage: bool
+    cache_gb: float
     leave_out: Sequence[str]
     skip_bad: bool
     allow_outside: bool

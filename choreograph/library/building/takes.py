@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.kept import KeptResults, each_kept, key_of
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
-from choreograph.core.workers import each
 from choreograph.formats.axes_and_units import unit_in_notes
 from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
@@ -98,12 +98,19 @@ def prepared_takes(
     """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes."""
     prepare = partial(_prepared, target=target, lock=options.lock_feet)
     measured, notes = [], []
-    for done, (one, jumps) in enumerate(each(prepare, takes, named=lambda take: take.name)):
+    each_take = each_kept(prepare, takes, key=partial(key_of, prepare), named=lambda take: take.name)
+    for done, (one, jumps) in enumerate(each_take):
         measured.append(one)
         notes += jumps
         if report is not None:
             report("measuring", done + 1, len(takes))
     return measured, notes
+
+
+def kept_notes(kept: KeptResults | None, n_takes: int) -> list[Note]:
+    """A note on the takes whose measurements were kept from an earlier build, if there are any."""
+    n_kept = 0 if kept is None else kept.n_read[_prepared.__name__]
+    return [Note("kept takes", values={"kept": n_kept, "takes": n_takes})] if n_kept else []
 
 
 def short_notes(measured: Sequence[MeasuredTake]) -> list[Note]:
