@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from choreograph.cli.characters import bvh_of, character_of, check_map_target, write_map
-from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, present, run_jobs, with_free_names
+from choreograph.cli.characters import check_map_target, write_map
+from choreograph.cli.dance_jobs import check_jobs, jobs_of, present, with_free_names
 from choreograph.cli.dance_options import (
     DanceOptions,
     FileOptions,
@@ -18,6 +17,7 @@ from choreograph.cli.dance_options import (
     dance_options,
     options_of,
 )
+from choreograph.cli.dance_songs import SongDances, run_jobs, with_checked_requests
 from choreograph.cli.present import (
     Command,
     StageLines,
@@ -26,15 +26,7 @@ from choreograph.cli.present import (
     input_files,
     stages,
 )
-from choreograph.core.errors import NoPathError, ParameterError
-
-if TYPE_CHECKING:
-    from choreograph.characters.gltf_character import GltfCharacter
-    from choreograph.core.progress import ProgressReport
-    from choreograph.library.repertoire import Repertoire
-    from choreograph.pipeline.dancing import Dance, DanceArguments
-
-Maker = Callable[[Job, "ProgressReport"], "list[Dance]"]
+from choreograph.core.errors import ParameterError
 
 
 @click.command(
@@ -60,12 +52,13 @@ def command(
     plan_path: Path | None,
     variations: int | None,
     strict: bool,
+    workers: int | None,
+    dask: str | None,
     **options: Any,
 ) -> None:
     """Make a dance for SONG (any audio file), or for each of several."""
-    from choreograph.library.builtin import as_repertoire
-    from choreograph.pipeline.saving import options_used
-
+    if workers is not None and workers < 0:
+        raise ParameterError(f"expected --workers of 0 or more, got {workers}")
     files, asked = options_of(FileOptions, options), options_of(DanceOptions, options)
     if plan_path is not None:
         check_options_with_plan(songs)
@@ -76,87 +69,27 @@ def command(
     check_map_target(files.save_map)
     check_jobs(jobs, files.save_map, inputs)
     first, notes = jobs[0].outputs[0], (*notes, *moved)
-    bvh = bvh_of(files.naming, files.units, files.rest, files.in_place)
-    figure = _character(files, first)
-    to_save = {"character": figure, "bvh": bvh, "loop": files.loop, "click": files.with_clicks}
-    repertoire = as_repertoire(db)
-    if plan_path is not None:
-        make = _renderer(plan_path, songs, repertoire, asked.existing)
-    else:
-        make = _maker(asked, repertoire, variations, jobs)
-
-    def dances_of(job: Job, report: ProgressReport) -> list[Dance]:
-        made = make(job, report)
-        unmet = [line for one in made for line in one.unmet]
-        if strict and unmet:
-            raise NoPathError(unmet[0])
-        write_map(files.save_map, figure)
-        for one, paths in zip(made, job.outputs, strict=True):
-            for path in paths:
-                one.save(path, **options_used(path, to_save), report=report)
-        return made
-
+    sound = songs[0] if plan_path is not None and songs else None
+    dances = SongDances(db, asked, files, variations, strict, plan_path, sound)
+    _check_character(dances, first)
+    dances = with_checked_requests(dances, jobs)
     with_lines = files.as_json and not files.quiet
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
-        results = run_jobs(jobs, dances_of, shown)
-    present(
-        results, notes, as_json=files.as_json, quiet=files.quiet, looped=files.loop,
-        many=variations is not None,
-    )  # fmt: skip
+        results = run_jobs(jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "")
+    if any(result.dances for result in results):
+        write_map(files.save_map, dances.character())
+    present(results, notes, as_json=files.as_json, quiet=files.quiet, many=variations is not None)
     if files.opened:
         page = next(path for path in first if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
 
 
-def _maker(asked: DanceOptions, repertoire: Repertoire, variations: int | None, jobs: Sequence[Job]) -> Maker:
-    """Make the dance of a job, or several variations of it, or edit an existing dance."""
-    import choreograph as cg
-
-    existing = asked.existing
-    if asked.edits_dance and existing is not None:
-        if len(jobs) > 1:
-            raise ParameterError(f"expected one SONG for the edits of a dance, got {len(jobs)}")
-        edits = asked.edits(asked.times(jobs[0].song, repertoire))
-        seed = asked.seed or 0
-        return lambda job, report: [
-            cg.edit(existing, edits, repertoire, song=job.song, seed=seed, report=report)
-        ]
-    first = asked.arguments(repertoire, asked.times(jobs[0].song, repertoire))  # reports errors early
-
-    def make(job: Job, report: ProgressReport) -> list[Dance]:
-        own = first if job is jobs[0] else asked.arguments(repertoire, asked.times(job.song, repertoire))
-        given: DanceArguments = {**own, "report": report}
-        if variations is None:
-            return [cg.dance(job.song, repertoire, **given)]
-        return cg.vary(job.song, repertoire, variations, **given)
-
-    return make
-
-
-def _renderer(
-    plan_path: Path, songs: tuple[Path, ...], repertoire: Repertoire, existing: Path | None
-) -> Maker:
-    """Render the plan, with the sound of a song if there is one."""
-    import choreograph as cg
-    from choreograph.pipeline.keeping import render_file
-
-    def make(job: Job, report: ProgressReport) -> list[Dance]:
-        plan, motion = render_file(plan_path, repertoire, existing)
-        if songs:
-            return [cg.Dance(motion, plan, (), songs[0])]
-        return [cg.Dance(motion, plan, ("no SONG was given with the plan: pages and videos are silent",))]
-
-    return make
-
-
-def _character(files: FileOptions, outputs: tuple[Path, ...]) -> GltfCharacter | None:
-    """The character that dances, if any. Raises `ParameterError` for a map alone or an unfit page."""
+def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:
+    """Raise `ParameterError` for a map alone, or for a page that cannot show the character."""
     from choreograph.pipeline.saving import check_character
 
-    if files.character is None:
-        if files.map_path or files.save_map:
-            raise ParameterError("expected --character FILE beside --map or --save-map")
-        return None
-    character = character_of(files.character, files.map_path)
-    check_character(character, outputs)
-    return character
+    files, character = dances.files, dances.character()
+    if character is not None:
+        check_character(character, outputs)
+    elif files.map_path or files.save_map:
+        raise ParameterError("expected --character FILE beside --map or --save-map")

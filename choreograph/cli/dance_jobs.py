@@ -1,10 +1,10 @@
-"""The songs of `choreograph dance` one after another, the files for them, and the printed results."""
+"""The songs of `choreograph dance` and the files for them, and the printed results."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,12 +18,11 @@ from choreograph.core.progress import counted
 from choreograph.settings import MAX_VARIATIONS
 
 if TYPE_CHECKING:
-    from choreograph.cli.present import StageLines, Stages
-    from choreograph.core.progress import ProgressReport
+    from choreograph.cli.dance_options import FileOptions
     from choreograph.pipeline.dancing import Dance
     from choreograph.plan import Plan
 
-# The files that `choreograph dance` writes for each song, and the dances to the songs.
+# The files that `choreograph dance` writes for each song.
 
 
 Outputs = tuple[Path, ...]  # the files of one dance
@@ -39,11 +38,27 @@ class Job:
 
 
 @dataclass(frozen=True, eq=False)
+class Danced:
+    """What is printed of a dance."""
+
+    plan: Plan
+    notes: tuple[str, ...]
+    n_motion_beats: int  # 0 if they are not printed
+    loop: tuple[int, float, float] | None  # its bars, and its start and end in seconds of the dance
+
+    @classmethod
+    def of(cls, dance: Dance, files: FileOptions) -> Danced:
+        """What `files` prints of a dance."""
+        loop = (dance.loop.n_bars, dance.loop.start_s, dance.loop.end_s) if files.loop else None
+        return cls(dance.plan, dance.notes, len(dance.motion_beats_s) if files.as_json else 0, loop)
+
+
+@dataclass(frozen=True, eq=False)
 class Result:
     """The result of a job: its dances, or the reason why there are none."""
 
     job: Job  # its song and files
-    dances: tuple[Dance, ...] = ()  # one for each variation
+    dances: tuple[Danced, ...] = ()  # one for each variation
     error: str = ""  # why there are none
 
 
@@ -119,23 +134,6 @@ def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path
     check_apart([*paths, *([save_map] if save_map else [])], inputs)
 
 
-def run_jobs(
-    jobs: Sequence[Job], dances_of: Callable[[Job, ProgressReport], list[Dance]], shown: Stages | StageLines
-) -> list[Result]:
-    """The dances of the jobs. If one of several songs cannot be danced, the others still are."""
-    if len(jobs) == 1:
-        return [Result(jobs[0], tuple(dances_of(jobs[0], shown.report)))]
-    results = []
-    for done, job in enumerate(jobs):
-        shown.report("songs", done, len(jobs), job.song.name)
-        try:
-            results.append(Result(job, tuple(dances_of(job, shown.report))))
-        except ChoreographError as error:
-            results.append(Result(job, error=" ".join(str(error).split())))
-    shown.report("songs", len(jobs), len(jobs))
-    return results
-
-
 def _paths(jobs: Sequence[Job]) -> list[Path]:
     return [path for job in jobs for outputs in job.outputs for path in outputs]
 
@@ -168,7 +166,7 @@ def _numbered(outputs: Outputs, variations: int | None) -> tuple[Outputs, ...]:
 
 
 def present(
-    results: Sequence[Result], notes: Sequence[str], *, as_json: bool, quiet: bool, looped: bool, many: bool
+    results: Sequence[Result], notes: Sequence[str], *, as_json: bool, quiet: bool, many: bool
 ) -> None:
     """Print the dances as JSON (a list if `many` or for several songs), as one line each, or as a table.
 
@@ -184,7 +182,7 @@ def present(
         show_notes(notes)
         many_songs = len(results) > 1
         show_notes(dict.fromkeys(note for result in results for note in _notes(result, named=many_songs)))
-        show_notes(_loop_note(dance) for dance, _ in made if looped)
+        show_notes(note for dance, _ in made for note in _loop_notes(dance))
         if many_songs:
             _show_table(results)
         else:
@@ -197,7 +195,7 @@ def present(
         )
 
 
-def _dances(result: Result) -> Iterator[tuple[Dance, Outputs]]:
+def _dances(result: Result) -> Iterator[tuple[Danced, Outputs]]:
     """The dances and their files, or none if the job failed."""
     return zip(result.dances, result.job.outputs, strict=not result.error)
 
@@ -227,12 +225,13 @@ def _show_table(results: Sequence[Result]) -> None:
     table_console().print(table)
 
 
-def _loop_note(dance: Dance) -> str:
-    loop = dance.loop
-    return (
-        f"{dance.plan.song}: motion files loop, {counted(loop.n_bars, 'bar')} from {loop.start_s:.2f} to "
-        f"{loop.end_s:.2f} s of the dance"
-    )
+def _loop_notes(dance: Danced) -> Iterator[str]:
+    if dance.loop is not None:
+        n_bars, start_s, end_s = dance.loop
+        yield (
+            f"{dance.plan.song}: motion files loop, {counted(n_bars, 'bar')} from {start_s:.2f} to "
+            f"{end_s:.2f} s of the dance"
+        )
 
 
 def _summary(plan: Plan, outputs: Outputs) -> str:
@@ -251,7 +250,7 @@ def _summary(plan: Plan, outputs: Outputs) -> str:
     )
 
 
-def _facts(dance: Dance, notes: Sequence[str], outputs: Outputs) -> dict[str, Any]:
+def _facts(dance: Danced, notes: Sequence[str], outputs: Outputs) -> dict[str, Any]:
     plan = dance.plan
     credits = {block.source: block.planned.credits for block in plan.blocks}
     takes_s = sorted(plan.takes_s().items(), key=lambda item: -item[1])
@@ -261,7 +260,7 @@ def _facts(dance: Dance, notes: Sequence[str], outputs: Outputs) -> dict[str, An
         "repertoire": plan.repertoire,
         "duration_s": plan.duration_s,
         "music_beats": len(plan.music_beats_s),
-        "motion_beats": len(dance.motion_beats_s),
+        "motion_beats": dance.n_motion_beats,
         "takes": [
             {"name": name, "seconds": round(danced_s, 3), **vars(credits[name])} for name, danced_s in takes_s
         ],

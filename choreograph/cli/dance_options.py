@@ -39,14 +39,14 @@ class _Planned(GroupedOption):
 _SOURCES = (
     optgroup.option(
         "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
-        help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
+        help="Repertoire, or a folder of several. Repeatable. Default: the built-in one.",
     ),
     optgroup.option(
         "--start", cls=_Planned, type=SongTime(),
         help="Where in the song to begin: 75.5, 1:15.5, bar 9 or chorus 2 (0).",
     ),
     optgroup.option(
-        "--duration", cls=_Planned, type=Seconds(), help="Length of the dance. Default: to the song's end."
+        "--duration", cls=_Planned, type=Seconds(), help="Length of the dance (to the end of the song)."
     ),
     optgroup.option(
         "--beats", cls=_Planned, metavar="network|tempo-path|librosa|beat-this|FILE",
@@ -128,6 +128,13 @@ _SETTINGS = (
     ),
     optgroup.option(
         "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."
+    ),
+    optgroup.option(
+        "--workers", type=int, metavar="N", help="Songs danced at once (1). 0: one a CPU core."
+    ),
+    optgroup.option(
+        "--dask", metavar="ADDRESS",
+        help="Dask scheduler whose workers dance the songs.",
     ),
 )  # fmt: skip
 

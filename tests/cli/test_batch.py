@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import assert_one_line, run
+from schedulers import scheduler_with_workers
 
 from choreograph.formats.bvh import read_bvh
 
@@ -62,6 +63,7 @@ def test_facts_of_all_songs_as_json(songs, db):
         (["a.wav", "b.wav", "-o", "new/{song}.xyz"], "xyz"),
         (["a.wav", "b.wav", "-o", "a.wav/{song}.bvh"], "folder"),
         ([], "expected a SONG"),
+        (["a.wav", "b.wav", "--workers", -1], "expected --workers of 0 or more, got -1"),
         (["a.wav", "--loop", "-o", "a.html"], "for --loop, got .html: add -o NAME.bvh"),
     ],
 )  # fmt: skip
@@ -76,3 +78,42 @@ def test_a_dance_that_loops_ends_where_it_begins(songs, db):
     assert re.search(r"\d bars? from", danced.stderr)
     pos_m = read_bvh(Path("a.bvh"))[0].joint_pos_m()
     assert np.allclose(pos_m[0], pos_m[-1], atol=1e-4)
+
+
+def outputs_of(folder: Path, *options: object) -> tuple[int, dict[str, bytes], str]:
+    """What the dances to two songs and to a damaged one write to a folder, and what is printed."""
+    danced = run(
+        "dance", "a.wav", "bad.mp3", "b.wav", "--duration", 5, "-o", f"{folder}/{{song}}.bvh", "-o",
+        f"{folder}/{{song}}.html", *options,
+    )  # fmt: skip
+    files = {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
+    printed = (danced.stdout + danced.stderr).replace(f"{folder}/", "")
+    return danced.exit_code, files, " ".join(printed.split())
+
+
+@pytest.fixture
+def alone(songs, db):
+    Path("bad.mp3").write_bytes(b"no song")
+    found = code, files, printed = outputs_of(Path("alone"), "--db", db)
+    assert (code, sorted(files)) == (2, ["a.bvh", "a.html", "b.bvh", "b.html"])
+    assert "1 of 3 songs" in printed
+    return found
+
+
+@pytest.mark.slow
+def test_songs_that_are_danced_at_once_have_the_same_bytes(alone, db):
+    assert outputs_of(Path("pool"), "--db", db, "--workers", 2) == alone
+
+
+@pytest.mark.slow
+def test_songs_that_are_danced_by_a_cluster_have_the_same_bytes(alone, db, tmp_path):
+    pytest.importorskip("distributed")
+    with scheduler_with_workers(tmp_path / "workers") as address:
+        assert outputs_of(Path("dask"), "--db", db, "--dask", address) == alone
+
+
+def test_a_scheduler_that_is_not_there_is_said_in_a_line(songs, db):
+    pytest.importorskip("distributed")
+    refused = run("dance", *songs, "--db", db, "--dask", "tcp://127.0.0.1:9")
+    assert_one_line(refused, says="expected a Dask scheduler at tcp://127.0.0.1:9")
+    assert not Path("a.bvh").exists()

@@ -83,8 +83,8 @@ def notes_of(monkeypatch, tmp_path, db, song):
     """Runs `dance` with options, without dancing or writing: its result, and the notes on all dances."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("choreograph.pipeline.saving.check_outputs", lambda paths: None)
-    monkeypatch.setattr("choreograph.cli.dance._character", lambda *_: None)
-    monkeypatch.setattr("choreograph.cli.dance.run_jobs", lambda jobs, dances_of, shown: [])
+    monkeypatch.setattr("choreograph.cli.dance._check_character", lambda *_: None)
+    monkeypatch.setattr("choreograph.cli.dance.run_jobs", lambda *_, **__: [])
     shown = []
     monkeypatch.setattr("choreograph.cli.dance.present", lambda results, notes, **_: shown.append(notes))
 
