@@ -86,7 +86,8 @@ def _log_folders() -> list[Path]:
 
 _COMMANDS = {
     "build-db": "build_db", "convert": "characters:convert",
-    "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "retarget": "characters:retarget",
+    "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "library": "library",
+    "retarget": "characters:retarget",
     "settings": "inspect:settings", "songs": "inspect:songs", "study": "study",
 }  # fmt: skip
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import assert_one_line, run
 from synthetic_motions import stepping
 from synthetic_repertoire import (
     synthetic_contents,
@@ -17,8 +19,9 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph.core.errors import RepertoireError
+from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.formats.register import save_motion
+from choreograph.library.catalogue import add_files, create_library, merge_library, remove_files
 from choreograph.library.motifs import Motifs, make_vocabulary, motif_arrays
 from choreograph.library.schema import Contents, layout_of
 from choreograph.library.shards import RepertoireShards, open_files
@@ -145,6 +148,69 @@ def test_every_file_is_verified(folder, tmp_path):
         file.write(b"\xff" * 64)
     with pytest.raises(RepertoireError, match=r"b\.h5"):
         open_files([tmp_path]).verify()
+
+
+def test_a_library_is_created_changed_and_merged(folder, whole, tmp_path):
+    a, b, c = sorted(folder.glob("*.h5"))
+    assert len(create_library(tmp_path / "lib", [a, b]).read("takes/name")) == 3
+    assert len(add_files(tmp_path / "lib", [c]).read("takes/name")) == 4
+    merged, one = merge_library([tmp_path / "lib"], tmp_path / "all.h5"), RepertoireFile(whole)
+    assert merged.names == one.names and merged.provenance["motifs"] == "0" * 32
+    for name in one.names:
+        if name not in ("provenance", "motifs/words"):  # medoids of the parts are other words
+            assert np.array_equal(merged.read(name), one.read(name)), name
+    assert len(remove_files(tmp_path / "lib", ["b", "c.h5"]).read("takes/name")) == 1
+    assert [path.name for path in (tmp_path / "lib").iterdir()] == ["a.h5"] and b.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.h5", "lib"]
+
+
+def test_a_library_of_compressed_files_is_merged_to_a_compressed_one(contents, tmp_path):
+    for name, (first, stop) in {"a.h5": (0, 2), "b.h5": (2, 4)}.items():
+        write_repertoire(tmp_path / name, part_of(contents, first, stop), compress=True)
+    merged = merge_library([tmp_path / "a.h5", tmp_path / "b.h5"], tmp_path / "all.h5")
+    assert "poses" not in merged.parts
+    assert np.array_equal(
+        merged.read("body/pos_m"), open_files([tmp_path / "a.h5", tmp_path / "b.h5"]).read("body/pos_m")
+    )
+
+
+def test_changes_that_break_a_library_are_refused(folder, contents, tmp_path):
+    a, b, _ = sorted(folder.glob("*.h5"))
+    create_library(tmp_path / "lib", [a, b])
+    wrong = tmp_path / "wrong.h5"
+    write_repertoire(wrong, replace(part_of(contents, 2, 4), density="learned"))
+    (tmp_path / "copy.h5").write_bytes(a.read_bytes())
+    lib = tmp_path / "lib"
+    for change, kind, says in (
+        (lambda: add_files(lib, [wrong]), RepertoireError, "wrong.h5: expected the tempo-density of a.h5"),
+        (
+            lambda: add_files(lib, [tmp_path / "copy.h5"]),
+            RepertoireError,
+            "expected takes that a.h5 does not",
+        ),
+        (lambda: add_files(lib, [a]), ParameterError, "expected files with new names, but there is"),
+        (lambda: add_files(tmp_path / "none", [a]), ParameterError, "expected the folder of a library"),
+        (lambda: create_library(lib, [a]), ParameterError, "expected a new folder, .* is a library"),
+        (lambda: remove_files(lib, ["x"]), ParameterError, "expected files of .*, got 'x': it has a, b"),
+        (lambda: remove_files(lib, ["a", "b"]), ParameterError, "expected a file that is left"),
+        (lambda: merge_library([lib], lib / "a.h5"), ParameterError, "it is an input"),
+    ):
+        with pytest.raises(kind, match=says):
+            change()
+    assert sorted(path.name for path in lib.iterdir()) == ["a.h5", "b.h5"]
+
+
+def test_the_commands_of_a_library(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    a, b, c = sorted(folder.glob("*.h5"))
+    for arguments, says in (
+        (("create", "lib", a), "lib: 1 take,"), (("add", "lib", b, c), "lib: 4 takes,"),
+        (("remove", "lib", "c"), "lib: 3 takes,"), (("check", "lib"), "lib: 3 takes, .*checksum is right"),
+        (("merge", "lib", "-o", "all.h5"), "all.h5: 3 takes,"),
+    ):  # fmt: skip
+        shown = run("library", *arguments)
+        assert shown.exit_code == 0 and re.match(says, shown.stdout), shown.output
+    assert_one_line(run("library", "add", "lib", "gone.h5"), says="gone.h5")
 
 
 def test_files_that_do_not_fit_are_refused_by_name(contents, folder, tmp_path):
