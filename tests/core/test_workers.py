@@ -45,11 +45,34 @@ def always_dies(number: int) -> int:
     return square(number)
 
 
+_HELD: list[bytearray] = []
+
+
+def grows(number: int) -> int:
+    """The process grows by 400 MB after its first input, as one that imports torch."""
+    time.sleep(0.3)
+    if number > 1 and not _HELD:
+        _HELD.append(bytearray(b"1" * (400 << 20)))
+    return os.getpid()
+
+
 @pytest.mark.parametrize("n", [1, 2])
 def test_results_come_in_the_order_of_the_inputs(n):
     with workers(n):
         assert list(each(square, range(9))) == [square(i) for i in range(9)]
         assert list(each(square, [])) == []
+
+
+@pytest.mark.slow
+def test_a_process_that_grows_is_not_started_again(recwarn):
+    with workers(2):
+        assert len(set(each(grows, range(16)))) == 2
+    assert not [warning for warning in recwarn if "stopped" in str(warning.message)]
+
+
+def test_a_few_inputs_are_shared_where_each_takes_long():
+    with workers(2):
+        assert os.getpid() not in set(each(where, range(2), fewest=2))
 
 
 def test_few_inputs_are_worked_on_in_this_process():
