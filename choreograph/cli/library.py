@@ -36,43 +36,43 @@ def command() -> None:
 
 
 @command.command("create", cls=Command, short_help="Make a folder of repertoire files.")
-@click.argument("folder", metavar="DIR", type=_FILE)
+@click.argument("directory", metavar="DIR", type=_FILE)
 @click.argument("files", nargs=-1, required=True, type=_FILE)
-def create(folder: Path, files: tuple[Path, ...]) -> None:
+def create(directory: Path, files: tuple[Path, ...]) -> None:
     """Copy repertoire FILES to the new folder DIR, if they can be read as one library."""
     from choreograph.library.catalogue import create_library
 
-    _show(folder, create_library(folder, files))
+    _show(directory, create_library(directory, files))
 
 
 @command.command("add", cls=Command, short_help="Add repertoire files.")
-@click.argument("folder", metavar="DIR", type=_FILE)
+@click.argument("directory", metavar="DIR", type=_FILE)
 @click.argument("files", nargs=-1, required=True, type=_FILE)
-def add(folder: Path, files: tuple[Path, ...]) -> None:
+def add(directory: Path, files: tuple[Path, ...]) -> None:
     """Copy repertoire FILES to DIR, if they have the networks, motifs and skeleton of its files."""
     from choreograph.library.catalogue import add_files
 
-    _show(folder, add_files(folder, files))
+    _show(directory, add_files(directory, files))
 
 
 @command.command("remove", cls=Command, short_help="Delete files of a library.")
-@click.argument("folder", metavar="DIR", type=_FILE)
+@click.argument("directory", metavar="DIR", type=_FILE)
 @click.argument("names", nargs=-1, required=True)
-def remove(folder: Path, names: tuple[str, ...]) -> None:
+def remove(directory: Path, names: tuple[str, ...]) -> None:
     """Delete the files NAMES of the library DIR."""
     from choreograph.library.catalogue import remove_files
 
-    _show(folder, remove_files(folder, names))
+    _show(directory, remove_files(directory, names))
 
 
 @command.command("check", cls=Command, short_help="Compare all data with its checksums.")
-@click.argument("folder", metavar="DIR", type=_FILE)
-def check(folder: Path) -> None:
+@click.argument("directory", metavar="DIR", type=_FILE)
+def check(directory: Path) -> None:
     """Read all of the library DIR, and compare every block with its checksum."""
     from choreograph.cli.archive import show_check
     from choreograph.library.repertoire import Repertoire
 
-    show_check(Repertoire.open(folder), as_json=False)
+    show_check(Repertoire.open(directory), as_json=False)
 
 
 @command.command("merge", cls=Command, short_help="Write all takes to one file.")

@@ -84,6 +84,7 @@ TABLE = {
         )
     ],
     "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
+    "library merge": [([["MINE"], ["FOLDER/"], ["other.h5", "MINE"]], ["-o"], (".h5",))],
     "study show": [([["FOLDER/"]], ["--json"], (".json",))],
 }
 
