@@ -39,6 +39,7 @@ from choreograph.core.files import atomic_path, cache_folder, sha256_of
 
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
+_MOST_PROCESSES = 2  # that compile beside this one, which waits for them after the first second
 _POLL_S = 0.05  # until it is looked again whether another process has compiled a kernel
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
 # The private names of numba that are used here, each with the parameters that it must have.
@@ -94,7 +95,7 @@ def _loaded(cache: Any, signature: Any, context: Any) -> Any:
 def compiled_ahead(*modules: str) -> Iterator[None]:
     """Compiles the kernels of these modules and packages while the block runs, and loads them in a thread.
 
-    Those that are not in the cache are compiled in another process, because compilation would slow down the
+    Those that are not in the cache are compiled in other processes, because compilation would slow down the
     block in this one. Only kernels of imported modules are compiled, those with long signatures first, since
     they take longest. A kernel that the block calls before its turn is compiled at once. At the end of the
     block, the kernel that is compiled is finished, and the others are left out.
@@ -103,11 +104,11 @@ def compiled_ahead(*modules: str) -> Iterator[None]:
     longest = sorted(_ahead.items(), key=lambda item: -len(item[1]))
     kernels = {one: ahead for one, ahead in longest if f"{one.__module__}.".startswith(prefixes)}
     ended = threading.Event()
-    process = _compiling_process(kernels)
+    processes = _compiling_processes(kernels)
 
     def load_all() -> None:
         for kernel, ahead in kernels.items():
-            while process is not None and process.poll() is None and not _is_kept(kernel, ahead):
+            while any(one.poll() is None for one in processes) and not _is_kept(kernel, ahead):
                 if ended.wait(_POLL_S):
                     return
             if ended.is_set():
@@ -121,7 +122,7 @@ def compiled_ahead(*modules: str) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-        if process is not None:
+        for process in processes:
             process.communicate()  # closes its input, which ends it
 
 
@@ -137,25 +138,22 @@ def _is_kept(kernel: Any, ahead: str) -> bool:
     return path is not None and path.exists()
 
 
-def _compiling_process(kernels: Mapping[Any, str]) -> subprocess.Popen[bytes] | None:
-    """A process that compiles those kernels that are not in the cache, until its input is closed.
-
-    None if there is nothing to compile or to keep, or if another program runs this Python.
-    """
+def _compiling_processes(kernels: Mapping[Any, str]) -> list[subprocess.Popen[bytes]]:
+    """Processes that compile kernels that are not in the cache, if it can be used, until their input ends."""
+    processes: list[subprocess.Popen[bytes]] = []
     if _why_not_replaced() is not None or _folder() is None or "python" not in Path(sys.executable).name:
-        return None
+        return processes
     missing = [(one.__module__, one.__name__) for one, ahead in kernels.items() if not _is_kept(one, ahead)]
-    if not missing:
-        return None
-    code = f"import {__name__} as it\nit.compile_while_wanted({missing})"
     same = {"PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": _given_folder()}
-    try:
-        return subprocess.Popen(
-            [sys.executable, "-c", code], env={**os.environ, **same},
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-    except OSError:
-        return None
+    n = min(_MOST_PROCESSES, os.cpu_count() or 1, len(missing))
+    with suppress(OSError):
+        for first in range(n):
+            code = f"import {__name__} as it\nit.compile_while_wanted({missing[first::n]})"
+            processes.append(subprocess.Popen(
+                [sys.executable, "-c", code], env={**os.environ, **same},
+                stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            ))  # fmt: skip
+    return processes
 
 
 def compile_while_wanted(names: Sequence[tuple[str, str]]) -> None:

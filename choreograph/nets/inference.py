@@ -189,8 +189,12 @@ def gelu(x: Array) -> Array:
 
 
 def elu(x: Array) -> Array:
-    """x where it is positive, and exp(x) - 1 elsewhere."""
-    return np.where(x > 0, x, np.expm1(np.minimum(x, 0)))
+    """x (B, C, T, W) where it is positive, and exp(x) - 1 elsewhere. It is computed in place."""
+    for part in frame_blocks(x.shape[2]):
+        rows = x[:, :, part]
+        negative = np.minimum(rows, 0)
+        np.copyto(rows, np.expm1(negative, out=negative), where=~(rows > 0))
+    return x
 
 
 def unit(x: Array) -> Array:

@@ -231,7 +231,7 @@ def test_a_block_that_fails_waits_only_for_the_kernel_that_is_compiled(monkeypat
             compiled.append(signature)
 
     monkeypatch.setattr(kernel_cache, "_ahead", {Kernel(): "void()", Kernel(): "void(int64)"})
-    monkeypatch.setattr(kernel_cache, "_compiling_process", lambda kernels: None)
+    monkeypatch.setattr(kernel_cache, "_compiling_processes", lambda kernels: [])
 
     def fail():
         assert begun.wait(10)

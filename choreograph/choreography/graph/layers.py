@@ -289,8 +289,12 @@ ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
 
 
 def repeated(row: NDArray[Any], n_nodes: int) -> NDArray[Any]:
-    """A row (...) for every node, (N, ...), which is not copied."""
-    return np.broadcast_to(row, (n_nodes, *row.shape))
+    """A row (...) for every node, (N, ...), which is not copied unless the result would be contiguous.
+
+    No kernel is compiled for contiguous arrays that cannot be written.
+    """
+    rows = np.broadcast_to(row, (n_nodes, *row.shape))
+    return rows.copy() if rows.flags.c_contiguous else rows
 
 
 def rows_of(values: NDArray[Any], nodes: Any, n_nodes: int) -> NDArray[Any]:

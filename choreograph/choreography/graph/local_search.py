@@ -203,7 +203,7 @@ def _joined(parts: Sequence[Layer]) -> Layer:
 
     def joined(name: str) -> NDArray[Any]:
         values = [getattr(part, name) for part in parts]
-        rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0]
+        rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0 or len(of_part) == 1]
         if len(rows) < len(parts) or any(row.tobytes() != rows[0].tobytes() for row in rows):
             return np.concatenate(values)
         return repeated(rows[0][0], n_nodes)  # one row of all nodes, as `subset` leaves it

@@ -121,7 +121,7 @@ class Signature(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        counted: AnyFloats = self._costs(layer.motif_counts[:1], layer)[0]
+        counted: AnyFloats = self._costs(layer.motif_counts[:1].copy(), layer)[0]  # its one row may be read-only
         return counted
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
