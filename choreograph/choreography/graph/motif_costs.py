@@ -121,7 +121,8 @@ class Signature(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        counted: AnyFloats = self._costs(layer.motif_counts[:1].copy(), layer)[0]  # its one row may be read-only
+        counts = layer.motif_counts[:1].copy()  # one row of all nodes, which cannot be written
+        counted: AnyFloats = self._costs(counts, layer)[0]
         return counted
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
