@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from choreograph.choreography.mixer.words import (
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import Floats, Indices
-from choreograph.core.timebase import WORD_FPS
+from choreograph.core.timebase import NET_FPS, WORD_FPS
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import poses_at, segment_words
 from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_frame
@@ -251,6 +251,26 @@ class KeptBorders(Cost):
             velocities = layer.first_velocity_m_s if begins else layer.last_velocity_m_s
             cost += _POSE_WEIGHT * _rms(poses - pose_m) + _VELOCITY_WEIGHT * _rms(velocities - velocity_m_s)
         return cost if cost.any() else None
+
+
+_SAME_S = 0.5  # parts of a take that are nearer look the same
+
+
+class AvoidRepeating(Cost):
+    """1 for a node that an earlier dance had in this second, in the same take within half a second."""
+
+    name = "unlike"  # in plans
+
+    def __init__(self, earlier: Sequence[Plan]) -> None:
+        self._earlier = [plan for plan in earlier if plan.seconds]
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
+        same = np.zeros(layer.n_nodes, bool)
+        start_s = layer.take_frames[:, 0] / NET_FPS
+        for plan in self._earlier:
+            there = plan.seconds[layer.second]
+            same |= (layer.take_names == there.take) & (abs(start_s - there.source_times_s[0]) < _SAME_S)
+        return same.astype(np.float64)
 
 
 def with_border_costs(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, Floats, squared_distances
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, squared_distances
 from choreograph.core.timebase import CLIP_S
 from choreograph.library.motifs import Vocabulary
 
@@ -217,7 +217,7 @@ def draw_clips(
     n_seconds: int,
     *,
     candidates: int,
-    may_dance: Callable[[int], Mask],
+    rank: Callable[[int], AnyInts],
     suits: Callable[[int], Mask] | None = None,
 ) -> NDArray[np.int64]:
     """Clips drawn at random for each second. At least half of them suit it, if there are enough.
@@ -226,7 +226,8 @@ def draw_clips(
     ----------
     priorities : the random numbers of the clips. The clips with the lowest are drawn first
     candidates : int                        K. All clips if there are fewer
-    may_dance : second -> bool array (N,)   other clips are drawn only if there are too few
+    rank : second -> int array (N,)         clips of rank 1 are drawn only if there are too few of rank 0,
+                                            and so on
     suits : second -> bool array (N,)       which clips suit the music, by default all of them
 
     Returns
@@ -241,12 +242,12 @@ def draw_clips(
         raise ParameterError(f"expected at least 1 candidate, got {candidates}")
     chosen = []
     for second in range(n_seconds):
-        may = may_dance(second)
-        numbers = priorities.numbers(second) + ~may  # (N,)
+        ranks = rank(second)
+        numbers = priorities.numbers(second) + ranks  # (N,)
         k = min(candidates, len(numbers))
         suitable = np.zeros(0, np.int64)
         if suits is not None:
-            suitable = np.flatnonzero(suits(second) & may)
+            suitable = np.flatnonzero(suits(second) & (ranks == 0))
             suitable = suitable[np.argsort(numbers[suitable])[: round(_SUITABLE_SHARE * k)]]
             numbers[suitable] = np.inf
         others = np.argpartition(numbers, k - 1)[: k - len(suitable)]

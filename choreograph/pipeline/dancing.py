@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
+from choreograph.choreography.enforcement import AvoidRepeating
 from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engines
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
@@ -38,7 +39,6 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.keeping import (
-    AvoidRepeating,
     ExistingDance,
     fill,
     kept_parts,

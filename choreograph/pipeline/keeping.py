@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints, Keep
 from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
-from choreograph.choreography.graph.cost import Cost
-from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints, check_pins_in_gaps, kept_dance
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import substage
-from choreograph.core.timebase import NET_FPS, seconds_to_frames
+from choreograph.core.timebase import seconds_to_frames
 from choreograph.formats.bvh import read_bvh
 from choreograph.formats.npz import read_npz
 from choreograph.library.repertoire import Repertoire
@@ -30,26 +26,6 @@ from choreograph.plan_parts import PlannedEdit, PlannedWord, words_between
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
 from choreograph.render.rendering import render, render_planned, take_motions, with_edit
 from choreograph.settings import DanceConfig
-
-_SAME_S = 0.5  # parts of a take that are nearer look the same
-
-
-class AvoidRepeating(Cost):
-    """1 for a node that an earlier dance had in this second, in the same take within half a second."""
-
-    name = "unlike"  # in plans
-
-    def __init__(self, earlier: Sequence[Plan]) -> None:
-        self._earlier = [plan for plan in earlier if plan.seconds]
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
-        same = np.zeros(layer.n_nodes, bool)
-        start_s = layer.take_frames[:, 0] / NET_FPS
-        for plan in self._earlier:
-            there = plan.seconds[layer.second]
-            same |= (layer.take_names == there.take) & (abs(start_s - there.source_times_s[0]) < _SAME_S)
-        return same.astype(np.float64)
-
 
 _ATTEMPTS = 4  # with different seeds, to find a filling that needs little correction
 _SLOW_M_S = 0.08  # corrections of standing feet at this speed are hardly visible

@@ -11,6 +11,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.choreography.enforcement import AvoidRepeating
 from choreograph.choreography.engine import BUILTIN_ENGINES, engines
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import installed_costs
@@ -31,7 +32,6 @@ from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
 from choreograph.pipeline.editing import as_dance
-from choreograph.pipeline.keeping import AvoidRepeating
 from choreograph.plan import Plan
 from choreograph.settings import MAX_VARIATIONS, DanceConfig, as_config
 

@@ -17,13 +17,13 @@ def take_of_clip(clips_of_takes):
     return np.repeat(np.arange(len(clips_of_takes)), clips_of_takes)
 
 
-def draw(clip_take, *, n_seconds=5, candidates=4, may_dance=None, suits=None, seed=0):
-    every = np.ones(len(clip_take), bool)
+def draw(clip_take, *, n_seconds=5, candidates=4, rank=None, suits=None, seed=0):
+    every = np.zeros(len(clip_take), int)
     return draw_clips(
         ClipPriorities(clip_take, n_seconds, np.random.default_rng(seed)),
         n_seconds,
         candidates=candidates,
-        may_dance=lambda _: every if may_dance is None else may_dance,
+        rank=lambda _: every if rank is None else rank,
         suits=None if suits is None else lambda _: suits,
     )
 
@@ -69,13 +69,20 @@ def test_a_take_that_is_drawn_is_drawn_to_its_end():
     assert np.mean(follow) > 0.9  # 64 of 1,200 drawn anew: 0.05
 
 
-def test_banned_clips_come_last():
+def test_clips_of_higher_ranks_come_last():
     clip_take = take_of_clip([5, 5])
-    chosen = draw(clip_take, candidates=5, may_dance=clip_take == 1)
+    chosen = draw(clip_take, candidates=5, rank=1 - clip_take)
     assert (clip_take[chosen] == 1).all()
     suits = clip_take == 0
-    chosen = draw(clip_take, candidates=5, may_dance=clip_take == 1, suits=suits)
+    chosen = draw(clip_take, candidates=5, rank=1 - clip_take, suits=suits)
     assert (clip_take[chosen] == 1).all()
+
+
+def test_too_few_clips_of_a_rank_are_filled_from_the_next_one():
+    clip_take = take_of_clip([3, 4, 50])
+    chosen = draw(clip_take, candidates=10, rank=clip_take)
+    for clips in chosen:
+        assert np.bincount(clip_take[clips]).tolist() == [3, 4, 3]
 
 
 def test_another_seed_draws_other_clips():

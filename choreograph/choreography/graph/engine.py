@@ -10,11 +10,12 @@ from itertools import pairwise
 import numpy as np
 
 from choreograph.choreography.constraints import Constraints, TakePin
-from choreograph.choreography.enforcement import KeptBorders, enforce_motifs
+from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.graph.candidates import AllowedNodes
 from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
-from choreograph.choreography.graph.layer_source import AllowedNodes, make_layers, song_grid
+from choreograph.choreography.graph.layer_source import make_layers, song_grid
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, Stillness
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy, plan_motion_graph
@@ -240,7 +241,8 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     """The path of the planner, and the weights of its costs."""
     features, config = request.song_features, request.config
     costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
-    costs += installed_costs(config.weights, request.costs)
+    installed = installed_costs(config.weights, request.costs)
+    costs += installed
     costs.append(Seed(config.seed))
     size_m = as_stage_m(config.stage)
     costs += [Stage(size_m)] if size_m else []
@@ -257,8 +259,21 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
     allowed = AllowedNodes.of(request, goals)
     if allowed is not None:
         weighted.append(WeightedCost(allowed, 1.0))
+    # A cost of the user may outweigh the genre, so it is given takes of every genre.
+    own = [*(c for c in request.costs if not isinstance(c, AvoidRepeating)), *installed]
+    of_genre_alone = config.selection == "genre" and not own and allowed is not None and allowed.is_graded
+
+    def planned(of_genre_alone: bool) -> Path:
+        source = make_layers(request, weighted, allowed, goals, of_genre_alone=of_genre_alone)
+        return _plan_path(source, weighted, request)
+
     try:
-        return _plan_path(make_layers(request, weighted, allowed, goals), weighted, request), weights
+        try:
+            return planned(of_genre_alone), weights
+        except NoPathError:
+            if not of_genre_alone:
+                raise
+            return planned(False), weights
     except NoPathError as error:
         if not str(request.constraints.requested):
             raise

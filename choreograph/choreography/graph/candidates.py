@@ -1,0 +1,259 @@
+"""The takes that may be danced in each second, and the clips of them that are candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.constraints import TakePin
+from choreograph.choreography.engine import DanceRequest
+from choreograph.choreography.genres import song_metre_at
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import Energy, Steps
+from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.graph.motif_costs import Signature, words_between
+from choreograph.choreography.graph.returns import Returns
+from choreograph.choreography.material import SectionGoal
+from choreograph.choreography.selection import (
+    ClipPriorities,
+    clip_signature_mismatch,
+    draw_clips,
+    energy_mismatch,
+    select_clips,
+    steps_mismatch,
+)
+from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import AnyFloats, AnyInts
+from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
+from choreograph.music.danced_span import REACH_S
+from choreograph.music.song_features import SongFeatures
+
+# Choices of `take_ranks`.
+FIRST, IF_TOO_FEW, NEVER = 0, 1, 2
+
+_OTHER_GENRE = 20.0  # per second, more than differences of other costs, but less than a user's cost may be
+
+
+class AllowedNodes(Cost):
+    """Infinite for nodes that a request excludes, high for nodes of another genre than the likely one."""
+
+    name = "constraints"
+
+    def __init__(self, of_take: AnyFloats, motif_banned: NDArray[np.bool_]) -> None:
+        self.of_take = of_take  # (S, takes) cost of each take in each second
+        self.motif_banned = np.append(motif_banned, False)  # (K + 1,) the last one for no motif: index -1
+
+    @classmethod
+    def of(cls, request: DanceRequest, goals: Sequence[SectionGoal]) -> AllowedNodes | None:
+        """The cost for a dance whose parts have these goals, or None if nothing is excluded.
+
+        Raises `ParameterError` if two pinned takes share a second, or a pinned take has no clip.
+        """
+        constraints, repertoire = request.constraints, request.repertoire
+        n_seconds = request.song_features.n_seconds
+        allowed = constraints.take_allowed
+        cost = np.tile(np.where(allowed, 0.0, np.inf), (n_seconds, 1))
+        with_clips = np.isin(np.arange(len(allowed)), repertoire.clip_take)
+        for goal in goals:
+            others = allowed & ~goal.takes_among(allowed & with_clips)
+            cost[goal.first_second :] = np.where(allowed, 0.0, np.inf)
+            cost[goal.first_second :, others] = np.inf if goal.requested else _OTHER_GENRE
+        for second, pin in _pinned_seconds(constraints.requested.take_pins, n_seconds).items():
+            take = repertoire.take_index(pin.take)
+            if not (repertoire.clip_take == take).any():
+                raise ParameterError(
+                    f"expected pins of takes of 8 s or more, the length of a clip, got {pin}"
+                )
+            cost[second] = np.where(np.arange(len(allowed)) == take, 0.0, np.inf)
+        if not cost[:, with_clips].any() and not constraints.motif_banned.any():
+            return None
+        return cls(cost, constraints.motif_banned)
+
+    @property
+    def is_graded(self) -> bool:
+        """Whether takes that may be danced differ in cost, because some are of another genre."""
+        return bool(((self.of_take > 0) & np.isfinite(self.of_take)).any())
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
+        banned = self.motif_banned[layer.motifs].any(axis=1)
+        return np.where(banned, np.inf, self.of_take[layer.second, layer.take])
+
+
+def _pinned_seconds(pins: tuple[TakePin, ...], n_seconds: int) -> dict[int, TakePin]:
+    """The pin of each pinned second."""
+    owner: dict[int, TakePin] = {}
+    for pin in pins:
+        for second in range(int(pin.start_s), int(np.ceil(pin.end_s))):
+            other = owner.setdefault(second, pin)
+            if other.take != pin.take:
+                raise ParameterError(
+                    "expected one pinned take in a second, since the graph engine dances whole ones, but "
+                    f"{other} and {pin} share second {second}: move one, or use the mixer"
+                )
+    # Transitions move to beats. Another take in the seconds beside a pin would extend into it.
+    for pin in pins:
+        for second in (int(pin.start_s - REACH_S), int(pin.end_s + REACH_S)):
+            if 0 <= second < n_seconds:
+                owner.setdefault(second, pin)
+    return owner
+
+
+# The clips of the repertoire that are candidates in each second of a dance.
+
+
+_OTHER_METRE = 2.0  # style loss added to clips of another metre than the song's
+_EFFORT = 0.5  # style loss of the quietest clip where the song is loudest. Genres are 1 or more apart
+
+Mask = NDArray[np.bool_]
+
+
+def take_ranks(
+    request: DanceRequest, allowed: AllowedNodes | None, *, of_genre_alone: bool
+) -> NDArray[np.int64]:
+    """Which takes (S, takes) are selected from in each second: `FIRST`, `IF_TOO_FEW` or `NEVER`.
+
+    With `of_genre_alone`, takes of another genre than the likely one are selected only if there are too few
+    others. Their cost is so high that they are hardly ever danced.
+    """
+    if allowed is None:
+        return np.full((request.song_features.n_seconds, len(request.repertoire.takes)), FIRST)
+    others = IF_TOO_FEW if of_genre_alone else FIRST
+    ranks: NDArray[np.int64] = np.where(allowed.of_take > 0, others, FIRST)
+    ranks[np.isinf(allowed.of_take)] = NEVER
+    return ranks
+
+
+def candidate_clips(
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    costs: Sequence[WeightedCost],
+    ranks: NDArray[np.int64],
+    returns: Returns | None,
+) -> NDArray[np.int64]:
+    """The candidates of each second, (S, K). Where music returns, they are those of its first time.
+
+    `ranks` are `take_ranks`.
+    """
+    of_clip = request.repertoire.clip_take
+
+    def rank(second: int) -> AnyInts:
+        return ranks[second, of_clip]
+
+    if request.config.selection == "style":
+        chosen = _nearest_in_style(request, goals, costs, rank)
+    else:
+        chosen = _drawn(request, goals, rank)
+    if returns is not None:
+        firsts_s = [goal.first_second for goal in goals]
+        goal_at = np.searchsorted(firsts_s, np.arange(len(chosen)), "right")
+        for second, first in enumerate(returns.first_seconds(len(chosen))):
+            if goal_at[second] == goal_at[first] and np.array_equal(rank(second), rank(first)):
+                chosen[second] = chosen[first]
+    return chosen
+
+
+def _drawn(
+    request: DanceRequest, goals: Sequence[SectionGoal], rank: Callable[[int], AnyInts]
+) -> NDArray[np.int64]:
+    """Random clips. With selection by genre, at least half are of the music's genre and metre."""
+    config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
+    rng = np.random.default_rng(config.seed)
+    most = max(int((rank(second) == FIRST).sum()) for second in range(n_seconds))
+    return draw_clips(
+        ClipPriorities(repertoire.clip_take, n_seconds, rng), n_seconds,
+        candidates=min(config.candidates, max(most, 1)), rank=rank,
+        suits=_suits(request, goals) if config.selection == "genre" else None,
+    )  # fmt: skip
+
+
+def _suits(request: DanceRequest, goals: Sequence[SectionGoal]) -> Callable[[int], Mask]:
+    """Which clips (N,) are of the metre of a second, and of the genre of its goal if it has one."""
+    repertoire = request.repertoire
+    genre_of_clip = np.array([take.credits.genre for take in repertoire.takes])[repertoire.clip_take]
+    other_metre = _other_metre(request)
+    genres: list[str | None] = [None] * request.song_features.n_seconds
+    for goal in goals:
+        genres[goal.first_second :] = [goal.genre] * (len(genres) - goal.first_second)
+
+    def suits(second: int) -> Mask:
+        same_metre, genre = other_metre[second] == 0, genres[second]
+        suited: Mask = same_metre if genre is None else same_metre & (genre_of_clip == genre)
+        return suited
+
+    return suits
+
+
+def _nearest_in_style(
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    costs: Sequence[WeightedCost],
+    rank: Callable[[int], AnyInts],
+) -> NDArray[np.int64]:
+    """The clips with the least style loss (the paper's selection) and mismatch with other requests."""
+    features, config, repertoire = request.song_features, request.config, request.repertoire
+    mismatch = _signature_mismatch(request, goals, costs)
+    other_metre = _other_metre(request)
+    effort = _effort_mismatch(request, costs)
+
+    def penalty(second: int) -> AnyFloats:
+        loss = mismatch[second] + _OTHER_METRE * other_metre[second] + effort(second)
+        return np.where(rank(second) == NEVER, np.inf, loss)
+
+    return select_clips(
+        features.style, features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,
+        candidates=config.candidates, beat_weight=repertoire.selection_beat_weight, penalty=penalty,
+    )  # fmt: skip
+
+
+def _signature_mismatch(
+    request: DanceRequest, goals: Sequence[SectionGoal], costs: Sequence[WeightedCost]
+) -> list[NDArray[np.float64]]:
+    """Mismatch of each clip (N,) with the signature of each second's goal, 0 without a signature."""
+    repertoire, n_seconds = request.repertoire, request.song_features.n_seconds
+    weight = sum(w.weight for w in costs if isinstance(w.cost, Signature))
+    mismatch = [np.zeros(repertoire.n_clips)] * n_seconds
+    if weight == 0:
+        return mismatch
+    for goal, stop in zip(goals, [*(g.first_second for g in goals[1:]), n_seconds], strict=True):
+        of_goal = weight * clip_signature_mismatch(
+            repertoire.vocabulary,
+            goal.goal.signature,
+            repertoire.clip_take,
+            frames_to_seconds(repertoire.clip_start_frame, NET_FPS),
+            n_words=max(1, words_between(request.song_features, goal.first_second, stop)),
+        )
+        mismatch[goal.first_second : stop] = [of_goal] * (stop - goal.first_second)
+    return mismatch
+
+
+def _other_metre(request: DanceRequest) -> list[NDArray[np.float64]]:
+    """Confidence, 0 to 1, that each clip (N,) is of another metre than each second of the song."""
+    repertoire = request.repertoire
+    features = replace(request.song_features, counts=request.material.counts)
+    of_clip = repertoire.take_tempi.metre[repertoire.clip_take]
+    confidence = features.counts.confidence if request.config.warping == "counts" else 0.0
+    metre_at = song_metre_at(features)
+    other = {
+        of_song: confidence * ((of_clip > 0) & (of_song > 0) & (of_clip != of_song))
+        for of_song in np.unique(metre_at)
+    }
+    return [other[of_song] for of_song in metre_at]
+
+
+def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Callable[[int], AnyFloats]:
+    """Mismatch of each clip (N,) with a second in energy and in density of steps, if they have weights."""
+    repertoire, features = request.repertoire, request.song_features
+    weights = {type(w.cost): w.weight for w in costs}
+    energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
+
+    def mismatch(second: int) -> AnyFloats:
+        louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())
+        density = float(features.onset_density[second])
+        return energy * energy_mismatch(louder, repertoire.clip_motion.liveliness_ranks) + (
+            steps * steps_mismatch(density, repertoire.clip_motion.step_ranks)
+        )
+
+    return mismatch
