@@ -250,6 +250,7 @@ def draw_clips(
             suitable = np.flatnonzero(suits(second) & (ranks == 0))
             suitable = suitable[np.argsort(numbers[suitable])[: round(_SUITABLE_SHARE * k)]]
             numbers[suitable] = np.inf
-        others = np.argpartition(numbers, k - 1)[: k - len(suitable)]
+        n_others = k - len(suitable)
+        others = np.argpartition(numbers, n_others - 1)[:n_others]
         chosen.append(np.concatenate([suitable, others]))
     return np.stack(chosen)

@@ -260,6 +260,8 @@ def rows_from(
         order = np.argsort(of_rows)
         at = order[np.minimum(np.searchsorted(of_rows, wanted, sorter=order), len(order) - 1)]
         here = new & (of_rows[at] == wanted)
+        if here.all():
+            return {name: values[at] for name, values in arrays.items()}
         if here.any():
             put(here, {name: values[at[here]] for name, values in arrays.items()})
             new &= ~here

@@ -56,7 +56,7 @@ def test_few_candidates_are_of_the_genre_too(starter, sources):
     dance(starter, candidates=16)
     (source,) = sources
     assert genres(source) == [{"house"}] * source.n_seconds
-    assert source._segments.clip.shape[1] == 16
+    assert source._segments.clip.shape[1] == 8  # the other half would be of other genres
 
 
 class Salsa(cg.Cost):
@@ -70,6 +70,7 @@ def test_a_cost_of_the_user_chooses_among_all_genres(starter, sources):
     made = dance(starter, costs=[Salsa()])
     assert {second.credits.genre for second in made.plan.seconds} == {"salsa"}
     assert "house" in genres(sources[0])[0]
+    assert sources[0]._segments.clip.shape[1] == cg.DanceConfig().candidates
     seconds = dance(starter, costs=[Salsa()], weights={"salsa": 0.0}).plan.seconds
     assert {second.credits.genre for second in seconds} == {"house"}
 
@@ -102,10 +103,24 @@ def test_ranks_of_takes_follow_their_costs():
     allowed = AllowedNodes(cost, np.zeros(2, bool))
     assert allowed.is_graded
     alone = take_ranks(None, allowed, of_genre_alone=True)
-    assert alone.tolist() == [[FIRST, IF_TOO_FEW, NEVER], [IF_TOO_FEW, FIRST, FIRST]]
-    assert take_ranks(None, allowed, of_genre_alone=False).tolist() == [[0, 0, NEVER], [0, 0, 0]]
+    assert alone.tolist() == [[FIRST, IF_TOO_FEW, 2 * NEVER], [IF_TOO_FEW, FIRST, FIRST]]
+    assert take_ranks(None, allowed, of_genre_alone=False).tolist() == [[0, 0, 2 * NEVER], [0, 0, 0]]
     assert not replace_cost(allowed, np.where(cost == 20.0, 0.0, cost)).is_graded
 
 
 def replace_cost(allowed, cost):
     return AllowedNodes(cost, allowed.motif_banned[:-1])
+
+
+def test_takes_that_a_pin_excludes_are_selected_before_those_that_are_banned():
+    beside = np.array([[0.0, 20.0, np.inf]])
+    allowed = AllowedNodes(np.array([[np.inf, np.inf, np.inf]]), np.zeros(2, bool), beside)
+    ranks = take_ranks(None, allowed, of_genre_alone=True)
+    assert ranks.tolist() == [[NEVER, NEVER + IF_TOO_FEW, 2 * NEVER]]
+
+
+def test_every_seed_has_the_same_candidates_if_all_are_drawn(starter, sources):
+    for seed in (0, 1):
+        dance(starter, seed=seed)
+    a, b = sources
+    assert np.array_equal(a._segments.clip, b._segments.clip)

@@ -83,6 +83,9 @@ def test_too_few_clips_of_a_rank_are_filled_from_the_next_one():
     chosen = draw(clip_take, candidates=10, rank=clip_take)
     for clips in chosen:
         assert np.bincount(clip_take[clips]).tolist() == [3, 4, 3]
+    chosen = draw(clip_take, candidates=10, rank=clip_take, suits=clip_take < 2)
+    for clips in chosen:
+        assert np.bincount(clip_take[clips]).tolist() == [3, 4, 3]
 
 
 def test_another_seed_draws_other_clips():

@@ -11,7 +11,7 @@ from synthetic_layers import random_source
 import choreograph as cg
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
 from choreograph.choreography.graph.costs import Front, Variety
-from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including
+from choreograph.choreography.graph.local_search import CheapNodes, _Noise, cheapest, including
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
@@ -104,7 +104,7 @@ def test_the_compiled_search_is_that_of_any_costs_to_the_bit(seed, n_motifs, mon
     for _ in range(20):
         path = np.array([rng.integers(layer.n_nodes) for layer in compiled.layers])
         assert compiled.cost(path) == of_any.cost(path)
-        noise = [np.random.default_rng(seed) for _ in range(2)]
+        noise = [_Noise.of(compiled.edge_cost) for _ in range(2)]
         found = compiled._pass(path, noise[0]), of_any._pass(path, noise[1])
         assert found[0].tolist() == found[1].tolist()
         assert compiled.improved(path).tolist() == of_any.improved(path).tolist()

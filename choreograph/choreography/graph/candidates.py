@@ -31,8 +31,7 @@ from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
 from choreograph.music.danced_span import REACH_S
 from choreograph.music.song_features import SongFeatures
 
-# Choices of `take_ranks`.
-FIRST, IF_TOO_FEW, NEVER = 0, 1, 2
+FIRST, IF_TOO_FEW, NEVER = 0, 1, 2  # ranks of `take_ranks`
 
 _OTHER_GENRE = 20.0  # per second, more than differences of other costs, but less than a user's cost may be
 
@@ -42,8 +41,11 @@ class AllowedNodes(Cost):
 
     name = "constraints"
 
-    def __init__(self, of_take: AnyFloats, motif_banned: NDArray[np.bool_]) -> None:
+    def __init__(
+        self, of_take: AnyFloats, motif_banned: NDArray[np.bool_], beside_pins: AnyFloats | None = None
+    ) -> None:
         self.of_take = of_take  # (S, takes) cost of each take in each second
+        self.beside_pins = of_take if beside_pins is None else beside_pins  # the same without pins
         self.motif_banned = np.append(motif_banned, False)  # (K + 1,) the last one for no motif: index -1
 
     @classmethod
@@ -61,7 +63,9 @@ class AllowedNodes(Cost):
             others = allowed & ~goal.takes_among(allowed & with_clips)
             cost[goal.first_second :] = np.where(allowed, 0.0, np.inf)
             cost[goal.first_second :, others] = np.inf if goal.requested else _OTHER_GENRE
-        for second, pin in _pinned_seconds(constraints.requested.take_pins, n_seconds).items():
+        pins = _pinned_seconds(constraints.requested.take_pins, n_seconds)
+        beside_pins = cost.copy() if pins else cost
+        for second, pin in pins.items():
             take = repertoire.take_index(pin.take)
             if not (repertoire.clip_take == take).any():
                 raise ParameterError(
@@ -70,7 +74,7 @@ class AllowedNodes(Cost):
             cost[second] = np.where(np.arange(len(allowed)) == take, 0.0, np.inf)
         if not cost[:, with_clips].any() and not constraints.motif_banned.any():
             return None
-        return cls(cost, constraints.motif_banned)
+        return cls(cost, constraints.motif_banned, beside_pins)
 
     @property
     def is_graded(self) -> bool:
@@ -112,17 +116,25 @@ Mask = NDArray[np.bool_]
 
 def take_ranks(
     request: DanceRequest, allowed: AllowedNodes | None, *, of_genre_alone: bool
-) -> NDArray[np.int64]:
-    """Which takes (S, takes) are selected from in each second: `FIRST`, `IF_TOO_FEW` or `NEVER`.
+) -> NDArray[np.int8]:
+    """In what order takes (S, takes) are selected from: `FIRST`, `IF_TOO_FEW`, or `NEVER` and above.
 
     With `of_genre_alone`, takes of another genre than the likely one are selected only if there are too few
-    others. Their cost is so high that they are hardly ever danced.
+    others. Their cost is so high that they are hardly ever danced. Takes that are excluded by a pin keep
+    their order, because a session has already warped them.
     """
     if allowed is None:
-        return np.full((request.song_features.n_seconds, len(request.repertoire.takes)), FIRST)
-    others = IF_TOO_FEW if of_genre_alone else FIRST
-    ranks: NDArray[np.int64] = np.where(allowed.of_take > 0, others, FIRST)
-    ranks[np.isinf(allowed.of_take)] = NEVER
+        return np.full((request.song_features.n_seconds, len(request.repertoire.takes)), FIRST, np.int8)
+
+    def ranked(cost: AnyFloats) -> NDArray[np.int8]:
+        ranks = np.full(cost.shape, FIRST, np.int8)
+        ranks[cost > 0] = IF_TOO_FEW if of_genre_alone else FIRST
+        ranks[np.isinf(cost)] = NEVER
+        return ranks
+
+    ranks = ranked(allowed.of_take)
+    never = ranks == NEVER
+    ranks[never] += ranked(allowed.beside_pins)[never]
     return ranks
 
 
@@ -130,7 +142,7 @@ def candidate_clips(
     request: DanceRequest,
     goals: Sequence[SectionGoal],
     costs: Sequence[WeightedCost],
-    ranks: NDArray[np.int64],
+    ranks: NDArray[np.int8],
     returns: Returns | None,
 ) -> NDArray[np.int64]:
     """The candidates of each second, (S, K). Where music returns, they are those of its first time.
@@ -145,7 +157,7 @@ def candidate_clips(
     if request.config.selection == "style":
         chosen = _nearest_in_style(request, goals, costs, rank)
     else:
-        chosen = _drawn(request, goals, rank)
+        chosen = _drawn(request, goals, ranks, rank)
     if returns is not None:
         firsts_s = [goal.first_second for goal in goals]
         goal_at = np.searchsorted(firsts_s, np.arange(len(chosen)), "right")
@@ -156,17 +168,36 @@ def candidate_clips(
 
 
 def _drawn(
-    request: DanceRequest, goals: Sequence[SectionGoal], rank: Callable[[int], AnyInts]
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    ranks: NDArray[np.int8],
+    rank: Callable[[int], AnyInts],
 ) -> NDArray[np.int64]:
     """Random clips. With selection by genre, at least half are of the music's genre and metre."""
     config, repertoire, n_seconds = request.config, request.repertoire, request.song_features.n_seconds
     rng = np.random.default_rng(config.seed)
-    most = max(int((rank(second) == FIRST).sum()) for second in range(n_seconds))
-    return draw_clips(
+    drawn = draw_clips(
         ClipPriorities(repertoire.clip_take, n_seconds, rng), n_seconds,
-        candidates=min(config.candidates, max(most, 1)), rank=rank,
+        candidates=_n_candidates(request, goals, ranks), rank=rank,
         suits=_suits(request, goals) if config.selection == "genre" else None,
     )  # fmt: skip
+    return np.sort(drawn, axis=1)  # the same for every seed if all are drawn
+
+
+def _n_candidates(request: DanceRequest, goals: Sequence[SectionGoal], ranks: NDArray[np.int8]) -> int:
+    """The number of candidates K: not more than may be danced, and half if all of them are of the genre."""
+    wanted = request.config.candidates
+    # Whether each goal is a genre, without whose takes there are others, and these are not selected.
+    alone = [
+        goal.genre is not None and not goal.takes.all()
+        and bool((ranks[goal.first_second, ~goal.takes] != FIRST).all())
+        for goal in goals
+    ]  # fmt: skip
+    if request.config.selection == "genre" and alone and all(alone):
+        wanted = -(-wanted // 2)  # the others would be of other genres
+    n_clips = np.bincount(request.repertoire.clip_take, minlength=ranks.shape[1])  # (takes,)
+    most = int(((ranks == FIRST) @ n_clips).max())
+    return min(wanted, max(1, most))
 
 
 def _suits(request: DanceRequest, goals: Sequence[SectionGoal]) -> Callable[[int], Mask]:
@@ -200,7 +231,7 @@ def _nearest_in_style(
 
     def penalty(second: int) -> AnyFloats:
         loss = mismatch[second] + _OTHER_METRE * other_metre[second] + effort(second)
-        return np.where(rank(second) == NEVER, np.inf, loss)
+        return np.where(rank(second) >= NEVER, np.inf, loss)
 
     return select_clips(
         features.style, features.beat_count, repertoire.clip_style, repertoire.clip_beat_count,

@@ -28,8 +28,10 @@ from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
 
 N_CHEAP = 128  # nodes of each second that are searched
-_N_STARTS = 6  # random changes of the best path, from each of which the search starts again
+_MOST_STARTS = 6  # random changes of the best path, from each of which the search starts again
+_IN_VAIN = 3  # starts without a gain, after which there is no other
 _NOISE = 0.3  # standard deviation of a random change of a cost, as a share of it
+_N_FACTORS = 1 << 18  # of random changes that are drawn
 _LEAST_GAIN = 1e-3  # a pass that gains less is the last
 
 
@@ -81,12 +83,17 @@ class CheapNodes:
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
         """The cheapest path found, as the index (S,) of its node in each second: `path` or a cheaper one."""
-        rng = np.random.default_rng(0)
         best, least = self._descent(np.asarray(path, np.int64))
-        for _ in range(_N_STARTS if self.of_path else 0):
-            found, cost = self._descent(self._pass(best, rng))
+        if not self.of_path:
+            return best
+        noise, in_vain = _Noise.of(self.edge_cost), 0
+        for _ in range(_MOST_STARTS):
+            found, cost = self._descent(self._pass(best, noise))
+            in_vain = 0 if cost < least else in_vain + 1
             if cost < least:
                 best, least = found, cost
+            if in_vain == _IN_VAIN:
+                break
         return best
 
     def cost(self, path: AnyInts) -> float:
@@ -123,21 +130,21 @@ class CheapNodes:
             path, cost = found, found_cost
         return path, cost
 
-    def _pass(self, path: NDArray[np.int64], rng: np.random.Generator | None = None) -> NDArray[np.int64]:
+    def _pass(self, path: NDArray[np.int64], noise: _Noise | None = None) -> NDArray[np.int64]:
         """The cheapest path by dynamic programming, which continues every beginning with the rest of `path`.
 
-        With `rng`, costs are changed at random. Where a beginning has another node in second t than `path`,
+        With `noise`, costs are changed at random. Where a beginning has another node in second t than `path`,
         the difference in cost is that with the rest of `path` after t.
         """
         rest = _Rest.of(self.layers, path)
         seen = rest.added_to(self.layers[0], 0)
-        reached = _changed(self.node_cost[0], rng) + _first_cost(seen, self.of_path, self.song_features)
+        reached = _changed(self.node_cost[0], noise) + _first_cost(seen, self.of_path, self.song_features)
         before = self._started(with_history(self.layers[0], self.layers[0]))
         parents = []
         for second in range(1, len(path)):
-            edges = _changed(self.edge_cost[second - 1], rng)
+            edges = _changed(self.edge_cost[second - 1], noise)
             reached, parent, before = self._step(before, rest, second, reached, edges, path[second])
-            reached = reached + _changed(self.node_cost[second], rng)
+            reached = reached + _changed(self.node_cost[second], noise)
             parents.append(parent)
         found = [int(np.argmin(reached))]
         for parent in reversed(parents):
@@ -221,11 +228,29 @@ def _first_cost(
     return total
 
 
-def _changed(cost: NDArray[np.floating], rng: np.random.Generator | None) -> NDArray[np.floating]:
-    """Costs with a random change in proportion to each."""
-    if rng is None:
-        return cost
-    return cost * (1.0 + _NOISE * rng.standard_normal(cost.shape, np.float32))
+@dataclass(frozen=True, eq=False)
+class _Noise:
+    """Random changes of costs, read from one array at random places. To draw each takes as long as a step."""
+
+    factors: NDArray[np.float32]
+    rng: np.random.Generator
+
+    @staticmethod
+    def of(edge_cost: Sequence[NDArray[np.float32]]) -> _Noise:
+        """Draw changes, enough for costs of these sizes."""
+        rng = np.random.default_rng(0)
+        n_factors = max(_N_FACTORS, 2 * max((cost.size for cost in edge_cost), default=0))
+        return _Noise(1.0 + np.float32(_NOISE) * rng.standard_normal(n_factors, np.float32), rng)
+
+    def changed(self, cost: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Costs with a random change in proportion to each."""
+        first = int(self.rng.integers(len(self.factors) - cost.size))
+        factors = self.factors[first : first + cost.size]
+        return cost * factors.reshape(cost.shape)
+
+
+def _changed(cost: NDArray[np.floating], noise: _Noise | None) -> NDArray[np.floating]:
+    return cost if noise is None else noise.changed(cost)
 
 
 @dataclass(frozen=True, eq=False)
