@@ -84,12 +84,12 @@ class DanceConfig:
     note. It takes as long as the search again. Used by the graph engine."""
 
     candidates: Annotated[int, Range(1)] = 512
-    """How many clips are warped for each second. More clips give the planner more choice and take longer.
-    Used by the graph engine."""
+    """How many clips may be warped for each second. More clips give the planner more choice and take longer.
+    If all of them are of one genre, half as many are warped. Used by the graph engine."""
 
     selection: Selection = "genre"
-    """Which clips become candidates. "genre" draws them at random, at least half of them from the genre
-    that suits the music. "style" takes those that are nearest in style, as ChoreoGraph does. "random" draws
+    """Which clips become candidates. "genre" draws them at random from the genre that suits the music. If
+    the genre is not known, or you add costs, half of them are from all genres. "style" takes those that are nearest in style, as ChoreoGraph does. "random" draws
     from all clips. Used by the graph engine."""
 
     warping: Warping = "counts"
