@@ -46,7 +46,7 @@ STAGES = {  # name: functions, each as module:qualified name
     "drawing of words": ("choreography.mixer.engine:MixerEngine.plan",),
     "generation": ("choreography.rollout.engine:generate_motion",),
     "rollout, rest": ("choreography.rollout.engine:RolloutEngine.plan",),
-    "assembling": ("render.assembly:assemble",),
+    "assembling": ("render.rendering:assemble",),
     "dynamics, held poses, feet": ("render.rendering:_with_dynamics",),
 }
 

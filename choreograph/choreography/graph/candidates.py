@@ -152,7 +152,8 @@ def candidate_clips(
     of_clip = request.repertoire.clip_take
 
     def rank(second: int) -> AnyInts:
-        return ranks[second, of_clip]
+        of_second: AnyInts = ranks[second, of_clip]
+        return of_second
 
     if request.config.selection == "style":
         chosen = _nearest_in_style(request, goals, costs, rank)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -261,10 +262,17 @@ def revisits(
 
 def random_numbers(keys: NDArray[np.uint64], seed: int) -> NDArray[np.float64]:
     """A number in [0, 1) for each key (N,), always the same for the same key and seed (SplitMix64)."""
-    mixed = keys + np.random.default_rng(seed).integers(0, 2**63, dtype=np.uint64)
+    mixed = keys + _offset_of(seed)
     for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
         mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
     return (mixed ^ (mixed >> np.uint64(31))) / 2.0**64
+
+
+@lru_cache(maxsize=64)
+def _offset_of(seed: int) -> np.uint64:
+    """The number that a seed adds to keys. To make a generator takes longer than to mix a layer's keys."""
+    offset: np.uint64 = np.random.default_rng(seed).integers(0, 2**63, dtype=np.uint64)
+    return offset
 
 
 def rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:
