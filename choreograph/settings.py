@@ -89,8 +89,8 @@ class DanceConfig:
 
     selection: Selection = "genre"
     """Which clips become candidates. "genre" draws them at random from the genre that suits the music. If
-    the genre is not known, or you add costs, half of them are from all genres. "style" takes those that are nearest in style, as ChoreoGraph does. "random" draws
-    from all clips. Used by the graph engine."""
+    the genre is not known or you add a cost, up to half of them are of any genre. "style" takes those that
+    are nearest in style, as ChoreoGraph does. "random" draws from all clips. Used by the graph engine."""
 
     warping: Warping = "counts"
     """How clips are aligned with the music. "counts" moves the counts of a take onto the beats, and uses
