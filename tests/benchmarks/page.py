@@ -192,7 +192,16 @@ def main() -> None:
     }
     for what, (own_s, other, other_s) in pairs.items():
         lines.append(f"| {what} | {own_s:.3f} | {other} | {other_s:.3f} | {own_s / other_s:.3f} |")
-    options.output.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    options.output.write_text("\n".join([*lines, "", *_others(options.output)]), encoding="utf-8")
+
+
+_OTHERS = "## Measured by other commands"
+
+
+def _others(page: Path) -> list[str]:
+    """The last section of a page, which is not measured here, and remains as it is."""
+    text = page.read_text("utf-8") if page.exists() else ""
+    return [_OTHERS + text.partition(_OTHERS)[2]] if _OTHERS in text else []
 
 
 if __name__ == "__main__":
