@@ -15,7 +15,7 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.core.counts import Counts
-from choreograph.core.numerics import Floats, Indices
+from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.evaluation.metrics.structure import repeat_f
@@ -76,12 +76,17 @@ def scores(form: Form, audio: FormAudio) -> tuple[float, float]:
 
 
 def measured(song: FormSong, *, tracked: bool) -> list[float]:
-    """F-scores of repeats and borders: of the form, of the sections and by chance."""
+    """F-scores of repeats and borders of a song of known form, as `form_scores`."""
     audio = song.render()
     mono = np.asarray(audio.samples.mean(axis=1)[::2], np.float32)
     counts = audio.counts
     if tracked:
         counts = song_counts(cg.Song(mono, song.name), log_mel(mono), DEFAULT_BEATS)
+    return form_scores(mono, counts, audio)
+
+
+def form_scores(mono: AnyFloats, counts: Counts, audio: FormAudio) -> list[float]:
+    """F-scores of repeats and borders: of the form found with these counts, of the sections and by chance."""
     bounds_s = phrase_bounds_s(counts, len(mono) / SAMPLE_RATE_HZ)
     features = spectral_features(mono, bounds_s)
     sections = song_sections(

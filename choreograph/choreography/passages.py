@@ -11,15 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
-from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
-from choreograph.choreography.graph.costs import own_costs
-from choreograph.choreography.graph.layers import Layer, WordLayers
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
     MotifGoal,
@@ -32,8 +28,8 @@ from choreograph.choreography.motif_sequences import (
     word_positions,
     words_on_count,
 )
-from choreograph.choreography.slots import PassageSlots, ResolvedConstraints, passage_slots
-from choreograph.core.errors import NoPathError
+from choreograph.choreography.passage_slots import PassageSlots, passage_slots
+from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.numerics import Floats, Indices, chi_square_distance
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
@@ -147,74 +143,11 @@ def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
     return share
 
 
-# Costs of the user for motion words.
-#
-# The words of a slot are the nodes of a layer. A cost counts for as long as the word lasts, so that a second
-# of words costs as much as a second of the graph engine.
-
-
-@dataclass(frozen=True, eq=False)
-class WordCosts:
-    """The costs of the user for the words of a dance, weighted."""
-
-    request: DanceRequest
-    bounds_s: Floats  # (N + 1,) of the slots
-    costs: tuple[WeightedCost, ...]  # one or more
-
-    @classmethod
-    def of(cls, request: DanceRequest, constraints: ResolvedConstraints, engine: str) -> WordCosts | None:
-        """Those of a request, or None if it has no costs. Raises as `own_costs`."""
-        costs = own_costs(request.config, request.costs, engine)
-        return cls(request, constraints.bounds_s, costs) if costs else None
-
-    def of_words(self) -> Floats:
-        """Costs (N, W) of all words in every slot. They are `inf` for words of banned takes.
-
-        Raises `ParameterError` for values that a cost must not return, and `NoPathError` if every word of the
-        genre is forbidden in a slot.
-        """
-        constraints, take = self.request.constraints, self.request.repertoire.vocabulary.word_take
-        words = np.flatnonzero(constraints.take_allowed[take])
-        costs = np.full((len(self.bounds_s) - 1, len(take)), np.inf)
-        for slot, costs_here in enumerate(costs):
-            costs_here[words] = self._of_nodes(slot, words)
-            finite, wanted = np.isfinite(costs_here), constraints.take_wanted[slot, take]
-            if not finite[wanted if wanted.any() else words].any():
-                raise NoPathError(
-                    f"every word of the genre at {self.bounds_s[slot]:.1f} s is forbidden: relax a cost that "
-                    "returns inf"
-                )
-        return costs
-
-    def _of_nodes(self, slot: int, words: Indices) -> Floats:
-        """Costs (M,) of words in a slot."""
-        layer, features, total = self._layer(slot, words), self.request.song_features, np.zeros(len(words))
-        for _, cost in weighted_terms(self.costs, lambda c: c.node(layer, features), total.shape):
-            total += cost * self._length_s(slot)
-        return np.where(np.isfinite(total), total, np.inf)
-
-    def of_edges(self, slot: int, before: Indices, words: Indices) -> Floats:
-        """Costs (M, M') of going to words (M',) of a slot from words (M,) of the slot before."""
-        layers = self._layer(slot - 1, before), self._layer(slot, words)
-        costs = edge_costs(*layers, self.costs, self.request.song_features).astype(np.float64)
-        return costs * self._length_s(slot)
-
-    def _length_s(self, slot: int) -> float:
-        return float(self.bounds_s[slot + 1] - self.bounds_s[slot])
-
-    def _layer(self, slot: int, words: Indices) -> Layer:
-        second = min(int(self.bounds_s[slot : slot + 2].mean()), self.request.song_features.n_seconds - 1)
-        return self._layers.layer(words, slot, second, self._length_s(slot))
-
-    @cached_property
-    def _layers(self) -> WordLayers:
-        return WordLayers(self.request.repertoire)
-
-
 # The motifs of a whole dance.
 
 
 _FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
+_VARIED_COUNTS = 8  # at most, at the end of a phrase that returns
 _NO_MOTIF = -1  # in a slot that is not drawn yet
 # A dance is drawn once more for each 20 words. With more draws, seeds of short dances share the nearest one.
 _WORDS_A_DRAW, _MOST_DRAWS = 20, 8
@@ -263,6 +196,24 @@ def drawn_words(request: DanceRequest, constraints: ResolvedConstraints, motifs:
         elif passage.stop - passage.start > _FEWEST_OF_PASSAGE:
             to_find += passage.halves()
     return found
+
+
+def first_slots(request: DanceRequest, constraints: ResolvedConstraints, motifs: Indices) -> Indices:
+    """For every slot (N,), the slot with the same motif where the song first had this part of the phrase.
+
+    It is the slot itself if the motifs (N,) of the dance do not return there, or are drawn one by one.
+    """
+    firsts = np.arange(len(motifs))
+    if request.config.phrase_counts == 1:
+        return firsts
+    draw = _Draw.of(request, constraints, {}, (), None)
+    seen: dict[tuple[int, int, int], Indices] = {}
+    for passage in draw.passages:
+        if passage.place is not None:
+            here = firsts[passage.slots].copy()
+            before = seen.setdefault(passage.place, here)
+            firsts[passage.slots] = np.where(motifs[before] == motifs[here], before, here)
+    return firsts
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,11 +265,18 @@ class _Draw:
         to_draw = list(self.passages)
         while to_draw:
             passage = to_draw.pop(0)
+            if (
+                passage.ends
+                and passage.stop - passage.start > _VARIED_COUNTS
+                and self._returns(passage, motifs)
+            ):
+                to_draw[:0] = passage.with_end(_VARIED_COUNTS)
+                continue
             here, allowed = passage.slots, self.allowed[passage.slots]
             danced = _danced_so_far(passage, motifs, self.parts, self.words.vocabulary.n_motifs)
             again = [later for later in to_draw if _is_same(passage, later, self.parts)]
             danced = replace(danced, times=1 + len(again), may_vary=passage.ends)
-            if passage.place is not None and (motifs[here] != _NO_MOTIF).all():
+            if self._returns(passage, motifs):
                 danced = replace(danced, returning=motifs[here])
             goal = self.goals[self.parts[passage.start]]
             drawn = draw_passage(
@@ -335,6 +293,10 @@ class _Draw:
                 if self.allowed[same.slots][np.arange(len(drawn)), drawn].all():
                     motifs[same.slots] = drawn
         return motifs
+
+    def _returns(self, passage: PassageSlots, motifs: Indices) -> bool:
+        """Whether the motifs (N,) drawn so far include this passage, because the song had it before."""
+        return passage.place is not None and bool((motifs[passage.slots] != _NO_MOTIF).all())
 
     def away(self, motifs: Indices) -> float:
         """Sum of the χ² distances of the parts of a dance (N,) from their signatures, by their lengths."""

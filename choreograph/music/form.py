@@ -26,7 +26,8 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 # the terms of the choice of phrases.
 _ROWS_AT_ONCE = 256  # of the distances of counts
 _COMPARED = ("chroma", "chroma_cqt", "mel_db")
-_SAME_PHRASE_DISTANCE = 0.45
+_SAME_PHRASE_DISTANCE = 0.4
+_CUT_OFF_SHARE = 0.5  # of a phrase. The last phrase of a song repeats it even if its end is missing
 _PENALTIES = {4: 0.0, 2: 1.5, 6: 2.0, 1: 2.5, 3: 2.5, 5: 2.5, 7: 3.0}  # by length in bars
 _CHANGE_WEIGHT = 0.5  # of one standard deviation
 _CHANGE_BARS = 4  # before and after a border
@@ -91,12 +92,13 @@ class Form:
 
 
 def phrase_bounds_s(counts: Counts, duration_s: float) -> Floats:
-    """The counts (Q,), and the end of the last one if it is in the song: the bounds of what is compared."""
+    """The bounds of what is compared: the counts (Q,), and the end of the last one if half of it is there."""
     times_s = counts.times_s
     if len(times_s) < 2:
         return times_s
-    end_s = 2 * times_s[-1] - times_s[-2]
-    return np.append(times_s, end_s) if end_s < duration_s else times_s
+    period_s = times_s[-1] - times_s[-2]
+    end_s = min(times_s[-1] + period_s, duration_s)
+    return np.append(times_s, end_s) if end_s >= times_s[-1] + 0.5 * period_s else times_s
 
 
 def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, sections: Sections) -> Form:
@@ -105,6 +107,7 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     `features` are the spectral features (B - 1, 87) between the `phrase_bounds_s` (B,) of its counts. Phrases
     begin on downbeats. Most of them have four bars. They begin where the music changes and where repeats
     begin. A phrase repeats another one of the same length if their counts have similar features one by one.
+    The last phrase of a song may be shorter than the one that it repeats.
     """
     if not counts.has_bars or len(sections) == 0:
         return Form.empty()
@@ -116,10 +119,11 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     bounds = _phrase_bounds(away, np.append(downbeats, len(features)))
     phrases: list[Phrase] = []
     for start, end in pairwise(bounds.tolist()):
+        most = (end - start) / _CUT_OFF_SHARE if end == bounds[-1] else end - start
         section = int(np.searchsorted(sections.bounds_s[1:-1], bounds_s[start], side="right"))
         same = [
-            _mean_distance(away, bounds[before], start, phrase.n_counts)
-            if phrase.repeats is None and phrase.n_counts == end - start
+            _mean_distance(away, bounds[before], start, end - start)
+            if phrase.repeats is None and end - start <= phrase.n_counts <= most
             else np.inf
             for before, phrase in enumerate(phrases)
         ]

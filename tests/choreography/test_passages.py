@@ -15,6 +15,7 @@ from choreograph.choreography.material import Material, SectionGoal, takes_of_ge
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import CandidatePool
 from choreograph.choreography.motif_sequences import UNKNOWN, MotifGoal, motif_goal
+from choreograph.choreography.passage_slots import passage_slots
 from choreograph.choreography.passages import (
     DancedSoFar,
     TakeWords,
@@ -23,7 +24,7 @@ from choreograph.choreography.passages import (
     drawn_words,
 )
 from choreograph.choreography.rollout import engine as rollout
-from choreograph.choreography.slots import passage_slots, resolve
+from choreograph.choreography.slots import resolve
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics.structure import n_gram_share

@@ -27,8 +27,9 @@ from choreograph.choreography.mixer.words import (
     Candidates,
     search_words,
 )
-from choreograph.choreography.passages import WordCosts, draw_dance
+from choreograph.choreography.passages import draw_dance, first_slots
 from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Floats, Indices
@@ -44,6 +45,7 @@ from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
+_RETURN_M = 0.2  # cost of another word than the first time, where a phrase returns
 _CUT_COST_M = 0.2  # of a word within a passage that does not follow the word before it in its take
 # In the draw of passages, where each unit divides the probability by e.
 _AWAY_COST = 4.0  # of a word with the back to the audience
@@ -165,11 +167,14 @@ def mix(request: DanceRequest) -> MixedDance:
     render = partial(render_from, take_motions(request.repertoire), sample=RecentRuns(request.memory).sample)
     best: MixedDance | None = None
     rounds = 0
+    search = partial(
+        search_words, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request),
+        stage_m=as_stage_m(config.stage), own_costs=None if own is None else own.of_edges,
+    )  # fmt: skip
+    if config.planner == "exact":
+        candidates = _returning(candidates, first_slots(request, constraints, wanted), search)
     while True:
-        words = search_words(
-            candidates, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request),
-            stage_m=as_stage_m(config.stage), own_costs=None if own is None else own.of_edges,
-        )  # fmt: skip
+        words = search(candidates)
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
         mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
@@ -182,6 +187,19 @@ def mix(request: DanceRequest) -> MixedDance:
             return best
         locked.update(mixed.broken)
         candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
+
+
+def _returning(
+    candidates: list[Candidates], firsts: Indices, search: Callable[[list[Candidates]], Indices]
+) -> list[Candidates]:
+    """The candidates. Where a phrase returns (`firsts`, (N,)), the word of the first time is preferred."""
+    if (firsts == np.arange(len(firsts))).all():
+        return candidates
+    words = search(candidates)
+    return [
+        here if first == slot else here.preferring(int(words[first]), _RETURN_M)
+        for slot, (here, first) in enumerate(zip(candidates, firsts.tolist(), strict=True))
+    ]
 
 
 def _last_slot(request: DanceRequest) -> int | None:

@@ -16,6 +16,7 @@ from choreograph.choreography.motif_sequences import (
     motif_goal,
     possible_motifs,
 )
+from choreograph.choreography.passage_slots import passage_stop
 from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_passage
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
@@ -24,7 +25,6 @@ from choreograph.choreography.rollout.generation import (
     STEER_FRAMES,
     check_skeleton,
 )
-from choreograph.choreography.slots import passage_stop
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
 from choreograph.core.numerics import AnyFloats, Floats, Indices
