@@ -137,7 +137,7 @@ class DanceConfig:
     signature asks for. "absolute" weighs them by the absolute difference, which is equation 5 of Rhythm is
     a Dancer as printed, and draws single ones for any count. Used by the mixer and the rollout engine."""
 
-    phrase_counts: Annotated[int, Range(1, 64)] = 8
+    phrase_counts: Annotated[int, Range(1, 64)] = 16
     """About how many counts each passage of a take lasts, from which motifs are drawn. A passage begins at
     the start of a bar, and returns with its phrase of the song. Dances of longer passages are more like the
     takes. With 1, motifs are drawn one by one, as in Rhythm is a Dancer. Used by the mixer and the rollout

@@ -25,6 +25,7 @@ from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.passages import draw_dance, drawn_words
+from choreograph.choreography.rollout.attempts import WordJudge
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     HeldPoses,
@@ -342,8 +343,11 @@ def _generated(
     )
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     net = net.with_style(config.style_strength, config.style_window)
+    seed_motion = lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS)
+    as_printed = config.phrase_counts == 1 or net.config.own_embedding_share == 0
     return generate_motion(
-        net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
+        net, sequence, seed_motion, fps=config.fps,
+        judge=None if as_printed else WordJudge.of(repertoire, seed_motion.skeleton),
         to_front=config.front == "audience", stage=config.stage,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=substage(report, "dancing"),
