@@ -26,7 +26,7 @@ _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 # the terms of the choice of phrases.
 _ROWS_AT_ONCE = 256  # of the distances of counts
 _COMPARED = ("chroma", "chroma_cqt", "mel_db")
-_SAME_PHRASE_DISTANCE = 0.4
+_SAME_PHRASE_DISTANCE = 0.45
 _CUT_OFF_SHARE = 0.5  # of a phrase. The last phrase of a song repeats it even if its end is missing
 _PENALTIES = {4: 0.0, 2: 1.5, 6: 2.0, 1: 2.5, 3: 2.5, 5: 2.5, 7: 3.0}  # by length in bars
 _CHANGE_WEIGHT = 0.5  # of one standard deviation

@@ -171,7 +171,7 @@ State = list[tuple[Array, Array]]  # hidden and cell (W,) of each layer
 
 
 class PosePredictor(TrainedNet):
-    """The rollout network `nets.rollout.RolloutNet`, for one dance or several."""
+    """The rollout network `nets.rollout.RolloutNet`, for one dance."""
 
     config_class = RolloutConfig
 
@@ -243,24 +243,23 @@ class PosePredictor(TrainedNet):
         return linear(condition, weights, "into"), condition[:, : config.condition_width]
 
     def step(self, pose: Array, gate_inputs: Array, condition: Array, state: State) -> tuple[Array, State]:
-        """The pose (..., P) after `pose` (..., P), with unit rotations, and contacts as probabilities."""
+        """The pose (P,) that follows `pose` (P,), with unit rotations, and contacts as probabilities."""
         weights, width = self.weights, self.config.width
         inputs = pose.copy()
-        inputs[..., :ROOT_DIM] = (pose[..., :ROOT_DIM] - weights["root_mean"]) / weights["root_std"]
+        inputs[:ROOT_DIM] = (pose[:ROOT_DIM] - weights["root_mean"]) / weights["root_std"]
         next_state: State = []
         for layer, (hidden, cell) in enumerate(state):
-            gates = np.concatenate([inputs, hidden], axis=-1) @ self._gates[layer].T
+            gates = self._gates[layer] @ np.concatenate([inputs, hidden])
             gates += weights[f"between.{layer - 1}.bias"] if layer else gate_inputs
-            opened = sigmoid(gates)
-            admitted, kept, shown = (opened[..., i * width : (i + 1) * width] for i in (0, 1, 3))
-            cell = kept * cell + admitted * np.tanh(gates[..., 2 * width : 3 * width])
+            admitted, kept, _, shown = sigmoid(gates).reshape(4, width)
+            cell = kept * cell + admitted * np.tanh(gates[2 * width : 3 * width])
             inputs = shown * np.tanh(cell)
             next_state.append((inputs, cell))
-        output: Array = np.concatenate([inputs, condition], axis=-1) @ weights["out.weight"].T
+        output: Array = weights["out.weight"] @ np.concatenate([inputs, condition])
         output += weights["out.bias"]
-        output[..., :ROOT_DIM] = output[..., :ROOT_DIM] * weights["root_std"] + weights["root_mean"]
-        output[..., ROOT_DIM:-N_FEET] = _unit_quaternions(output[..., ROOT_DIM:-N_FEET])
-        output[..., -N_FEET:] = sigmoid(output[..., -N_FEET:])
+        output[:ROOT_DIM] = output[:ROOT_DIM] * weights["root_std"] + weights["root_mean"]
+        output[ROOT_DIM:-N_FEET] = _unit_quaternions(output[ROOT_DIM:-N_FEET])
+        output[-N_FEET:] = sigmoid(output[-N_FEET:])
         return output, next_state
 
     def apply_style(self, poses: Array, conditions: RolloutConditions[AnyFloats]) -> Array:

@@ -15,6 +15,7 @@ from choreograph.choreography.genres import genre_note, likely_genre
 from choreograph.choreography.material import counts_of_genre
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.rollout.engine import lead_in
+from choreograph.choreography.rollout.generation import asked_embeddings
 from choreograph.choreography.rollout.streaming import (
     DanceStream,
     FrameCondition,
@@ -225,7 +226,8 @@ class RolloutStream:
         phase = count_phase(self.counts, times_s)  # (T, 4)
         embedding = self._repertoire.vocabulary.motifs.embeddings[word.motif]
         if word.word >= 0 and self._net.config.own_embedding_share > 0:
-            embedding = self._bank.embeddings(np.array([word.word]))[0]
+            own = self._bank.embeddings(np.array([word.word]))[0]
+            embedding = asked_embeddings(own, self._repertoire.vocabulary.motifs)
         for of_frame, of_count in zip(progress, phase, strict=True):
             self._conditions.append(FrameCondition(embedding, float(of_frame), word_s, of_count))
         if self._dance is None:

@@ -22,8 +22,10 @@ from choreograph.choreography.passages import (
     draw_dance,
     draw_passage,
     drawn_words,
+    first_slots,
 )
 from choreograph.choreography.rollout import engine as rollout
+from choreograph.choreography.rollout.generation import ASKED_DISTANCE
 from choreograph.choreography.slots import resolve
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
@@ -88,6 +90,16 @@ def test_passages_begin_with_phrases_and_parts_and_have_the_place_of_the_first_p
     assert places[:2] == places[4:] and not set(places[:2]) & set(places[2:4])
     parts = (np.arange(36) >= 20).astype(np.int64)
     assert 20 in [passage.start for passage in passage_slots(position, parts, 8, starts_s, form)]
+
+
+def test_the_end_of_a_passage_is_a_passage_of_its_own_place():
+    position, starts_s = in_bars(64, 4), np.arange(64) * COUNT_S
+    passages = passage_slots(position, np.zeros(64, np.int64), 16, starts_s, form_of(0, 0, n_counts=32))
+    head, end = passages[3].with_end(8)
+    assert [(part.start, part.stop, part.ends) for part in (head, end)] == [(48, 56, False), (56, 64, True)]
+    assert len({head.place, end.place, *(passage.place for passage in passages)}) == 4
+    outside = passage_slots(position, np.zeros(64, np.int64), 16, starts_s, Form.empty())[0]
+    assert [part.place for part in outside.with_end(8)] == [None, None]
 
 
 # Two takes of waltz and two of rumba, all in bars of four. Every word of a genre has a motif of its own.
@@ -295,7 +307,11 @@ def test_the_rollout_is_conditioned_on_the_words_of_its_passages_and_on_medoids_
     asked = rollout._asked(motifs, None, 0, request.constraints, request)
     medoids = starter.vocabulary.motifs.embeddings[motifs]
     np.testing.assert_array_equal(asked[list(request.constraints.motifs)], medoids[[8]])
-    nearest = starter.vocabulary.motifs.nearest(asked)
+    mean = starter.vocabulary.motifs.embeddings.mean(axis=0)
+    words = drawn_words(request, request.constraints, motifs)
+    words[list(request.constraints.motifs)] = -1
+    of_words = mean + (asked - mean) / np.where(words >= 0, ASKED_DISTANCE, 1.0)[:, None]
+    nearest = starter.vocabulary.motifs.nearest(of_words)
     assert np.mean(nearest == motifs) > 0.9 and np.mean((asked == medoids).all(axis=1)) < 0.5
 
 
@@ -346,6 +362,29 @@ def test_a_phrase_returns_in_the_dance_and_others_differ(starter):
         same.append((np.mean(returned), np.mean(others)))
     returned, others = np.mean(same, axis=0)
     assert returned > 0.7 > 0.1 > others
+
+
+def test_long_passages_return_with_another_end(starter):
+    """Of 16 counts, the first eight are the same ones, and the last eight vary if the signature has them."""
+    form = form_of(0, 0, 0, 0, n_counts=16)
+    kept, varied = 0, 0
+    for seed in range(4):
+        request = request_of(starter, ["house"], n_counts=64, form=form, seed=seed, phrase_counts=16)
+        phrases = motifs_of(request).reshape(4, 16)
+        kept += (phrases[1:, :8] == phrases[0, :8]).all(axis=1).sum()
+        varied += (phrases[1:, 8:] != phrases[0, 8:]).any(axis=1).sum()
+    assert kept == 12 and varied >= 6
+
+
+def test_first_slots_are_those_of_the_first_phrase_where_the_motifs_return(starter):
+    request = request_of(starter, ["house"], n_counts=48, form=form_of(0, 1, 0, n_counts=16))
+    motifs = np.r_[np.arange(16), np.arange(16), np.arange(12), 20, 21, 22, 23]
+    expected = np.r_[np.arange(32), np.arange(12), np.arange(44, 48)]
+    np.testing.assert_array_equal(first_slots(request, request.constraints, motifs), expected)
+    one_by_one = request_of(
+        starter, ["house"], n_counts=48, form=form_of(0, 1, 0, n_counts=16), phrase_counts=1
+    )
+    np.testing.assert_array_equal(first_slots(one_by_one, request.constraints, motifs), np.arange(48))
 
 
 def test_one_seed_draws_one_dance(starter):

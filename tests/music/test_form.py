@@ -48,6 +48,16 @@ def test_phrases_follow_each_other_without_gaps():
     assert all(one.end_s == other.start_s for one, other in pairwise(form.phrases))
 
 
+@pytest.mark.parametrize("missing", [1, 3])
+def test_the_last_phrase_repeats_another_one_without_its_end(missing):
+    features, times_s = planted("ABA")
+    features, times_s = features[:-missing], times_s[:-missing]
+    counts = make_counts(times_s, numbers_in_bar(len(times_s), 4), 4)
+    form = song_form(features, times_s, counts, Sections(times_s[[0, -1]], np.zeros(1, np.int64)))
+    assert [phrase.n_counts for phrase in form.phrases] == [N_COUNTS, N_COUNTS, N_COUNTS - missing]
+    assert form.labels == (0, 1, 0)
+
+
 def test_a_song_without_bars_or_counts_has_no_phrases():
     features, times_s = planted("AB")
     without_bars = make_counts(times_s, np.zeros(len(times_s), int), 0)
@@ -60,7 +70,8 @@ def test_a_song_without_bars_or_counts_has_no_phrases():
 def test_the_last_count_is_compared_if_it_ends_in_the_song():
     counts = make_counts([0.5, 1.0, 1.5, 2.0], [1, 2, 3, 4], 4)
     assert phrase_bounds_s(counts, 3.0).tolist() == [0.5, 1.0, 1.5, 2.0, 2.5]
-    assert phrase_bounds_s(counts, 2.2).tolist() == [0.5, 1.0, 1.5, 2.0]
+    assert phrase_bounds_s(counts, 2.4).tolist() == [0.5, 1.0, 1.5, 2.0, 2.4]
+    assert phrase_bounds_s(counts, 2.2).tolist() == [0.5, 1.0, 1.5, 2.0]  # less than half of it is there
     assert len(phrase_bounds_s(NO_COUNTS, 3.0)) == 0
 
 

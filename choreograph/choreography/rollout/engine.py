@@ -25,12 +25,12 @@ from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.passages import draw_dance, drawn_words
-from choreograph.choreography.rollout.attempts import WordJudge
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     HeldPoses,
     MotifSequence,
     SongMusic,
+    asked_embeddings,
     generate_motion,
 )
 from choreograph.choreography.slots import ResolvedConstraints
@@ -204,7 +204,8 @@ def _asked(
     """Embeddings (N, D) for the network, and for requests also the error of the best attempt.
 
     They are those of the words of the passages that were drawn, if the network was trained with those of
-    words, and the medoids of requested and single motifs. Later attempts add a smaller share of the error.
+    words, and the medoids of requested and single motifs. See `asked_embeddings` for words.
+    Later attempts add a smaller share of the error.
     """
     repertoire = request.repertoire
     asked = repertoire.vocabulary.motifs.embeddings[motifs].astype(np.float32)
@@ -213,7 +214,7 @@ def _asked(
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     if (words >= 0).any() and net.config.own_embedding_share > 0:
         bank = WordBank(repertoire.vocabulary, repertoire.clip_motion.poses_at, repertoire.word_net().embed)
-        asked[words >= 0] = bank.embeddings(words[words >= 0])
+        asked[words >= 0] = asked_embeddings(bank.embeddings(words[words >= 0]), repertoire.vocabulary.motifs)
     if best is not None:
         for slot in constraints.motifs:
             missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
@@ -343,11 +344,8 @@ def _generated(
     )
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     net = net.with_style(config.style_strength, config.style_window)
-    seed_motion = lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS)
-    as_printed = config.phrase_counts == 1 or net.config.own_embedding_share == 0
     return generate_motion(
-        net, sequence, seed_motion, fps=config.fps,
-        judge=None if as_printed else WordJudge.of(repertoire, seed_motion.skeleton),
+        net, sequence, lead_in(int(motifs[0]), repertoire, ROLLOUT_FPS), fps=config.fps,
         to_front=config.front == "audience", stage=config.stage,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=substage(report, "dancing"),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.kept_analysis import kept_rows
-from choreograph.choreography.rollout.attempts import WordJudge
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, Floats
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
+from choreograph.library.motifs import Motifs
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.body import body_pos_m
@@ -28,18 +28,14 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
-from choreograph.nets.inference import Array
 from choreograph.nets.rollout_poses import (
     N_FEET,
     ROLLOUT_FPS,
     PosePredictor,
-    RolloutConditions,
-    State,
     root_path,
     to_motion,
     to_poses,
     word_conditions,
-    word_of_frames,
 )
 from choreograph.render.runs import steer_rad
 
@@ -49,6 +45,7 @@ _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
 SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts add no motion beats
 STEER_FRAMES = 2 * ROLLOUT_FPS  # path and heading ahead are those of the next two seconds
+_EMBEDDED_FRAMES = 512  # whose conditions are embedded at once
 _MAX_STEER_RAD = 0.4  # per word, over all of it
 
 
@@ -96,6 +93,20 @@ def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np
 # Generation of motion.
 
 
+ASKED_DISTANCE = 1.2  # from the mean of all motifs, of the distance of the word that is wanted
+
+
+def asked_embeddings(wanted: NDArray[np.floating], motifs: Motifs) -> NDArray[np.float32]:
+    """Embeddings (..., 184) that the network is asked for, to show words (..., 184).
+
+    A network that was trained for minutes shows words that are nearer to the mean than those it is asked for
+    (ours, `research/results/form_dances.md`).
+    """
+    mean = motifs.embeddings.mean(axis=0)
+    asked: NDArray[np.float32] = (mean + ASKED_DISTANCE * (wanted - mean)).astype(np.float32)
+    return asked
+
+
 @dataclass(frozen=True, eq=False)
 class MotifSequence:
     """The motifs to dance, word after word without gaps, and the features of the music."""
@@ -133,7 +144,6 @@ def generate_motion(
     to_front: bool = True,
     stage: str = "near",
     held: HeldPoses | None = None,
-    judge: WordJudge | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Motion:
     """Dance a sequence of motifs, with locked feet, on the skeleton of `seed_motion`.
@@ -146,7 +156,6 @@ def generate_motion(
     to_front : whether the dancer is steered back to face the audience
     stage : to which the path is steered back, as in `DanceConfig`
     held : poses of another dance to the song, which is continued
-    judge : chooses among several attempts at each word. The paper makes one
 
     Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the dancer is
     steered to the front, and the path back if it leaves the stage. Feet are locked if the network predicts
@@ -154,7 +163,7 @@ def generate_motion(
 
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """
-    poses, contacts = generate_poses(net, sequence, seed_motion, held=held, judge=judge, report=report)
+    poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
     motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front, stage=stage)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
     contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
@@ -168,13 +177,9 @@ def generate_poses(
     seed_motion: Motion,
     *,
     held: HeldPoses | None = None,
-    judge: WordJudge | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> tuple[NDArray[np.float32], Floats]:
-    """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2).
-
-    The arguments are those of `generate_motion`.
-    """
+    """Pose rows (T, P) at 30 fps as the network predicts them, with style, and contacts (T, 2)."""
     if len(sequence.start_s) == 0:
         raise ParameterError("expected a sequence of one motion word or more, got none")
     check_skeleton(net, seed_motion.skeleton)
@@ -188,64 +193,24 @@ def generate_poses(
         sequence.motif,
         sequence.spectral,
     )
-    poses, state = to_poses(seed_motion)[-SEED_FRAMES:], net.initial_state()
-    gate_inputs, condition = net.embed_conditions(conditions, slice(1))
-    for row in poses[:-1]:
-        _, state = net.step(row, gate_inputs[0], condition[0], state)
-    pose, generated = poses[-1], np.empty((n_frames, poses.shape[1]), np.float32)
-    for word, frames in _frames_of_words(sequence.start_s, n_frames):
-        motifs = sequence.motif[word][None] if judge is None else judge.asked(sequence.motif[word])
-        rows, fed, states = _word_poses(net, conditions, motifs, frames, pose, state, held)
-        shown = 0
-        if judge is not None:
-            before = generated[max(frames.start - 1, 0) : frames.start]
-            first_s = (frames.start - len(before)) / ROLLOUT_FPS
-            span_s = float(sequence.start_s[word]) - first_s, float(sequence.end_s[word]) - first_s
-            with_before = np.concatenate([np.tile(before, (len(rows), 1, 1)), rows], axis=1)
-            shown = judge.nearest(with_before, span_s, sequence.motif[word])
-        generated[frames], pose = rows[shown], fed[shown]
-        state = [(hidden[shown], cell[shown]) for hidden, cell in states]
-        if report is not None:
-            report(-(-frames.stop // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
-    styled = net.apply_style(generated, conditions)
-    return styled, styled[:, -N_FEET:].astype(np.float64)
-
-
-def _frames_of_words(start_s: Floats, n_frames: int) -> Iterator[tuple[int, slice]]:
-    """The words that have frames, and their frames. Those before the first word belong to it."""
-    words, firsts = np.unique(word_of_frames(start_s, n_frames), return_index=True)
-    for word, first, stop in zip(words, firsts, [*firsts[1:], n_frames], strict=True):
-        yield int(word), slice(int(first), int(stop))
-
-
-def _word_poses(
-    net: PosePredictor,
-    conditions: RolloutConditions[AnyFloats],
-    motifs: NDArray[np.floating],
-    frames: slice,
-    pose: Array,
-    state: State,
-    held: HeldPoses | None,
-) -> tuple[Array, Array, State]:
-    """The frames of one word, conditioned on each of some motifs (A, 184).
-
-    Returns rows (A, T, P), the poses (A, P) that the network continues from, and its states after them.
-    """
-    of_frames = conditions.mapped(lambda values: values[frames])
-    n_frames = frames.stop - frames.start
-    embedded = [
-        net.embed_conditions(replace(of_frames, motif=np.tile(motif, (n_frames, 1)))) for motif in motifs
-    ]
-    gate_inputs, condition = (np.stack(parts, axis=1) for parts in zip(*embedded, strict=True))  # (T, A, .)
-    fed = np.tile(pose, (len(motifs), 1))
-    state = [(np.tile(hidden, (len(motifs), 1)), np.tile(cell, (len(motifs), 1))) for hidden, cell in state]
-    rows = np.empty((len(motifs), n_frames, len(pose)), np.float32)
-    for index, frame in enumerate(range(frames.start, frames.stop)):
-        fed, state = net.step(fed, gate_inputs[index], condition[index], state)
-        rows[:, index] = fed
-        if held is not None and frame < len(held.held) and held.held[frame]:
-            fed = np.tile(held.poses[frame], (len(motifs), 1))
-    return rows, fed, state
+    seed_poses, state = to_poses(seed_motion)[-SEED_FRAMES:], net.initial_state()
+    pose = seed_poses[-1]
+    generated = np.empty((n_frames, len(pose)), np.float32)
+    for frames in frame_blocks(n_frames, _EMBEDDED_FRAMES):
+        embedded = net.embed_conditions(conditions, frames)
+        if frames.start == 0:
+            for row in seed_poses[:-1]:
+                _, state = net.step(row, embedded[0][0], embedded[1][0], state)
+        for frame, gate_inputs, condition in zip(range(frames.start, frames.stop), *embedded, strict=True):
+            pose, state = net.step(pose, gate_inputs, condition, state)
+            generated[frame] = pose
+            if held is not None and frame < len(held.held) and held.held[frame]:
+                pose = held.poses[frame]
+            done = frame + 1
+            if report is not None and (done % ROLLOUT_FPS == 0 or done == n_frames):
+                report(-(-done // ROLLOUT_FPS), -(-n_frames // ROLLOUT_FPS))  # seconds
+    rows = net.apply_style(generated, conditions)
+    return rows, rows[:, -N_FEET:].astype(np.float64)
 
 
 def check_skeleton(net: PosePredictor, skeleton: Skeleton) -> None:

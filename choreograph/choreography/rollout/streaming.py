@@ -78,7 +78,7 @@ class MotifStream:
         genre: str,
         seed: int,
         need: str = "missing",
-        phrase_counts: int = 8,
+        phrase_counts: int = 16,
     ) -> None:
         self._repertoire, self._vocabulary = repertoire, repertoire.vocabulary
         self._need, self._rng, self._phrase_counts = need, np.random.default_rng(seed), phrase_counts
