@@ -140,8 +140,8 @@ class DanceConfig:
     phrase_counts: Annotated[int, Range(1, 64)] = 16
     """About how many counts each passage of a take lasts, from which motifs are drawn. A passage begins at
     the start of a bar, and returns with its phrase of the song, where its last eight counts may vary. Dances
-    of longer passages are more like the takes. With 1, motifs are drawn one by one, as in Rhythm is a Dancer. Used by the mixer and the rollout
-    engine."""
+    of longer passages are more like the takes. With 1, motifs are drawn one by one, as in Rhythm is a
+    Dancer. Used by the mixer and the rollout engine."""
 
     style_strength: Annotated[float, Range(0, 1000)] | None = None
     """How much the music changes the style of the motion: β in equation 4 of Rhythm is a Dancer, which uses
