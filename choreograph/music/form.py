@@ -92,13 +92,12 @@ class Form:
 
 
 def phrase_bounds_s(counts: Counts, duration_s: float) -> Floats:
-    """The bounds of what is compared: the counts (Q,), and the end of the last one if half of it is there."""
+    """The counts (Q,), and the end of the last one if it is in the song: the bounds of what is compared."""
     times_s = counts.times_s
     if len(times_s) < 2:
         return times_s
-    period_s = times_s[-1] - times_s[-2]
-    end_s = min(times_s[-1] + period_s, duration_s)
-    return np.append(times_s, end_s) if end_s >= times_s[-1] + 0.5 * period_s else times_s
+    end_s = 2 * times_s[-1] - times_s[-2]
+    return np.append(times_s, end_s) if end_s < duration_s else times_s
 
 
 def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, sections: Sections) -> Form:
