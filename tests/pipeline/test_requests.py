@@ -86,7 +86,7 @@ TABLE = {
     "lock_feet": (TAKES, False, {}),
     "hold_ends": (ALL, False, {}),
     "dynamics": (ALL, 0.0, {}),
-    "stage": (ALL, "40x40", {"genre": "contemporary", "costs": (Hop(),)}),
+    "stage": (ALL, "40x40", {"genre": "contemporary", "costs": (Hop(),), "seed": 2}),
     "front": (ALL, "free", {"costs": (Hop(),)}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
     "phrase_counts": ({"mixer", "rollout"}, 1, {}),
