@@ -22,7 +22,7 @@ def danced():
         for setting in ("audience", "free"):
             paths = []
             patch.setattr(engine, "_plan_path", lambda *given, p=paths: p.append(plan_path(*given)) or p[0])
-            dance = cg.dance(cg.example_songs()["waltz"], duration_s=16, front=setting, seed=1)
+            dance = cg.dance(cg.example_songs()["waltz"], duration_s=16, front=setting, seed=2)
             made[setting] = dance, paths[0]
     return made
 
@@ -87,15 +87,14 @@ def test_passages_are_drawn_that_face_the_audience():
             patch.setattr(
                 mixer, "mix", lambda request, made=requests, m=mix: made.append(request) or m(request)
             )
-            for seed in range(3):
-                cg.dance(cg.example_songs()["waltz"], duration_s=16, engine="mixer", front=setting, seed=seed)
+            cg.dance(cg.example_songs()["waltz"], duration_s=16, engine="mixer", front=setting)
         backs = []
-        for request in requests:
-            pool = CandidatePool.of(request.constraints, request.repertoire, np.random.default_rng(0))
+        for seed in range(12):
+            rng = np.random.default_rng(seed)
+            pool = CandidatePool.of(requests[0].constraints, requests[0].repertoire, rng)
             heading_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))
             turns = (0.5 - 0.5 * np.cos(heading_rad)).mean(axis=1)  # (W,)
-            wanted = mixer._motifs(pool, request)
-            of_motif = [turns[pool.vocabulary.word_motif == motif].mean() for motif in wanted]
-            backs.append(np.mean(of_motif))
+            wanted = mixer._motifs(pool, requests[0])
+            backs += [turns[pool.vocabulary.word_motif == motif].mean() for motif in wanted]
         away[setting] = np.mean(backs)
-    assert away["audience"] < away["free"]
+    assert away["audience"] < 0.8 * away["free"]
