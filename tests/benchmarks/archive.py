@@ -82,6 +82,17 @@ def make_library(path: Path, n_clips: int, *, seed: int = 0) -> None:
     base.unlink()
 
 
+def library_in(folder: Path, n_clips: int) -> Path:
+    """The library of at least `n_clips` clips in a folder, which is made if it is not there."""
+    path = folder / f"archive-{n_clips}.h5"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(".part")
+        make_library(unfinished, n_clips)
+        unfinished.rename(path)
+    return path
+
+
 def _write_copies(
     new: h5py.File, name: str, like: h5py.Dataset, file: RepertoireFile, array: NDArray[Any],
     sizes: NDArray[np.float64], rng: np.random.Generator,
@@ -188,11 +199,8 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("build"))
     parser.add_argument("--seconds", type=float, default=20.0)
     options = parser.parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
     for n_clips in options.clips:
-        path = options.folder / f"archive-{n_clips}.h5"
-        if not path.exists():
-            make_library(path, n_clips)
+        path = library_in(options.folder, n_clips)
         print(json.dumps(measured(path, options.seconds)), flush=True)
         print(json.dumps(measured_adding(path)), flush=True)
 

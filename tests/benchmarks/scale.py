@@ -1,10 +1,12 @@
 """What a large archive costs: measured costs of a take and a clip, and those of 10,000 hours of takes.
 
     OMP_NUM_THREADS=1 python tests/benchmarks/scale.py TAKES [-o data_schema] [--clips 1000 10000 100000]
+        [--libraries FOLDER]
 
 TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Builds are made of 8
 and of 16 of them, with the shipped networks kept, in one process: the difference is the cost of 8 takes.
-Writes scale.md and scale.png. Needs Matplotlib, and 30 kB of disk for a clip.
+Writes scale.md and scale.png. Needs Matplotlib, and 37 kB of disk for a clip. With --libraries, libraries of
+`archive.py` in a folder are used, and kept there.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from archive import make_library, measured
+from archive import library_in, measured
 from processes import Spent, spent
 
 import choreograph as cg
@@ -154,7 +156,7 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
             f"| {row['clips']:,} | {row['clips'] / costs.clips / 60:,.0f} | {row['open'][1]:.2f} s | "
             f"{row['first'][1]:.1f} s | {row['second'][1]:.1f} s | {row['peak_gb']:.2f} GB |"
         )
-    for n in (1e6, n_clips):
+    for n in [n for n in (1e6, n_clips) if n > clips[-1]]:
         columns = (
             [row["open"][1] for row in rows], [row["first"][1] for row in rows],
             [row["second"][1] for row in rows], [row["peak_gb"] for row in rows],
@@ -174,6 +176,7 @@ def main() -> None:
     parser.add_argument("takes", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=Path("data_schema"))
     parser.add_argument("--clips", type=int, nargs="+", default=[1_000, 10_000, 100_000])
+    parser.add_argument("--libraries", type=Path)
     options = parser.parse_args()
     with TemporaryDirectory() as name:
         folder = Path(name)
@@ -181,11 +184,11 @@ def main() -> None:
         print(costs, flush=True)
         rows = []
         for n_clips in options.clips:
-            path = folder / f"{n_clips}.h5"
-            make_library(path, n_clips)
+            path = library_in(options.libraries or folder, n_clips)
             rows.append(measured(path, SONG_S))
             print(rows[-1], flush=True)
-            path.unlink()
+            if options.libraries is None:
+                path.unlink()
     plot(options.output / "scale.png", rows, HOURS * 60 * costs.clips)
     (options.output / "scale.md").write_text(page(costs, rows), encoding="utf-8")
 
