@@ -22,6 +22,7 @@ from choreograph.core.files import atomic_path, check_target, read_json
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import parse_seconds
 from choreograph.library.words import checked_signature
+from choreograph.motion.motion import Credits
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
 
@@ -134,14 +135,17 @@ class Keep(Span):
     """
 
 
+BANNED_NAMES = ("take", "genre", "performer", "licence")
+
+
 @dataclass(frozen=True)
 class Ban:
-    """Exclude one take, one genre or one motif from the dance. Give exactly one of the three.
+    """Exclude a take, the takes of a genre, of a performer or with a licence, or a motif. Give exactly one.
 
     Parameters
     ----------
     take : name of a take in the repertoire
-    genre : genre of takes in the repertoire
+    genre, performer, licence : as in the credits of takes in the repertoire
     motif : index of a motif in the repertoire's vocabulary, 0 or more
 
     Raises
@@ -158,15 +162,23 @@ class Ban:
     take: str | None = None
     genre: str | None = None
     motif: int | None = None
+    performer: str | None = None
+    licence: str | None = None
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
         if sum(value is not None for value in vars(self).values()) != 1:
-            raise unexpected("a ban of one take, genre or motif", vars(self))
+            raise unexpected("a ban of one take, genre, performer, licence or motif", vars(self))
         if self.motif is not None:
             _check_motif(self)
-        _check_names(self, *(name for name in ("take", "genre") if getattr(self, name) is not None))
+        _check_names(self, *(name for name in BANNED_NAMES if getattr(self, name) is not None))
+
+    def excludes(self, take: str, credits: Credits) -> bool:
+        """Whether the take of this name is excluded."""
+        return self.take == take or any(
+            getattr(self, name) == getattr(credits, name) for name in BANNED_NAMES if name != "take"
+        )
 
     def __str__(self) -> str:
         kind, name = next((k, v) for k, v in vars(self).items() if v is not None)
@@ -204,7 +216,7 @@ class Constraints:
     signature: tuple[float, ...] | None = None  # (K,) shares of the motifs
     motifs: tuple[int, ...] = ()  # of the dance's words, from the first word on
     pins: tuple[Pin, ...] = ()  # motifs and takes at given times
-    bans: tuple[Ban, ...] = ()  # takes, genres and motifs that are excluded
+    bans: tuple[Ban, ...] = ()  # takes and motifs that are excluded
 
     @property
     def need_motifs(self) -> bool:
@@ -280,15 +292,19 @@ def parse_keep(text: str, option: str = "--keep") -> Keep:
 
 
 def parse_ban(text: str) -> Ban:
-    """The ban in `take:NAME`, `genre:NAME` or `motif:NUMBER`. Raises `ParameterError` for other text."""
+    """The ban in `take:NAME`, `genre:NAME`, `performer:NAME`, `licence:NAME` or `motif:NUMBER`.
+
+    Raises `ParameterError` for other text.
+    """
     kind, _, name = text.partition(":")
-    if name and kind == "take":
-        return Ban(take=name)
-    if name and kind == "genre":
-        return Ban(genre=name)
+    if name and kind in BANNED_NAMES:
+        named: dict[str, Any] = {kind: name}
+        return Ban(**named)
     if kind == "motif" and name.isdecimal():
         return Ban(motif=int(name))
-    raise ParameterError(f"expected --ban take:NAME, genre:NAME or motif:NUMBER, got {text!r}")
+    raise ParameterError(
+        f"expected --ban {', '.join(f'{kind}:NAME' for kind in BANNED_NAMES)} or motif:NUMBER, got {text!r}"
+    )
 
 
 def read_signature(path: str | Path) -> tuple[float, ...]:

@@ -89,8 +89,8 @@ def choose_material(
     """
     if constraints.genre is None and constraints.signature is None:
         goals, notes = _likely_goals(song_features, repertoire, constraints)
-        banned = {ban.take or ban.genre for ban in constraints.bans}
-        takes = np.array([banned.isdisjoint((t.name, t.credits.genre)) for t in repertoire.takes])
+        bans = constraints.bans
+        takes = np.array([not any(ban.excludes(t.name, t.credits) for ban in bans) for t in repertoire.takes])
         if goals:
             takes = np.any([goal.takes_among(takes) for goal in goals], axis=0)
         counts, metre_notes = _counts_of_takes(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.constraints import Constraints, Keep, MotifPin, TakePin
+from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, TakePin
 from choreograph.choreography.material import Material
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
@@ -236,26 +236,36 @@ def _first_slot(
     return int(np.argmax(shares))
 
 
+_LISTED = 20  # names in an error
+
+
 def resolve_bans(
     constraints: Constraints, repertoire: Repertoire, n_motifs: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Takes that may be danced, and motifs that may not."""
     take_allowed, motif_banned = np.ones(len(repertoire.takes), bool), np.zeros(n_motifs, bool)
-    genres = [take.credits.genre for take in repertoire.takes]
     for ban in constraints.bans:
         if ban.take is not None:
             take_allowed[_take_index(ban.take, repertoire)] = False
-        elif ban.genre is not None:
-            if ban.genre not in genres:
-                known = ", ".join(sorted({genre for genre in genres if genre}))
-                raise ParameterError(f"expected a ban of a genre among {known}, got {ban.genre!r}")
-            take_allowed[[genre == ban.genre for genre in genres]] = False
         elif ban.motif is not None:
             motif_banned[_checked_motif(ban.motif, n_motifs)] = True
+        else:
+            excluded = np.array([ban.excludes(take.name, take.credits) for take in repertoire.takes])
+            if not excluded.any():
+                raise _unknown_in_credits(ban, repertoire)
+            take_allowed[excluded] = False
     if not take_allowed.any():
         given = ", ".join(map(str, constraints.bans))
         raise ParameterError(f"expected bans that leave a take, got {given}: every take is banned")
     return take_allowed, motif_banned
+
+
+def _unknown_in_credits(ban: Ban, repertoire: Repertoire) -> ParameterError:
+    """The error for a ban of a genre, performer or licence that no take has."""
+    kind, _, name = str(ban).partition(":")
+    known = sorted({getattr(take.credits, kind) for take in repertoire.takes} - {""})
+    among = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
+    return ParameterError(f"expected a ban of a {kind} among {among or 'none'}, got {name!r}")
 
 
 def _take_index(name: str, repertoire: Repertoire) -> int:

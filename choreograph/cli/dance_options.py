@@ -71,8 +71,8 @@ _CONSTRAINTS = (
         help="Dance this motif or take at this time. Repeatable, as the next five.",
     ),
     optgroup.option(
-        "--ban", cls=_Planned, multiple=True, metavar="take:NAME|genre:NAME|motif:N",
-        help="Never dance this.",
+        "--ban", cls=_Planned, multiple=True, metavar="KIND:NAME",
+        help="Never dance this: take, genre, performer, licence or motif, such as genre:tango.",
     ),
     optgroup.option(
         "--keep", cls=_Planned, multiple=True, metavar="FROM-TO",

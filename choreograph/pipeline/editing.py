@@ -294,7 +294,7 @@ class Editor:
         if ban.motif is None:
             for block in self.plan.blocks:
                 planned = block.planned
-                if planned.take and (planned.take == ban.take or planned.credits.genre == ban.genre):
+                if planned.take and ban.excludes(planned.take, planned.credits):
                     spans_s.append((block.start_s, block.end_s))
         else:
             motifs = danced_motifs(self.motion, self.bounds_s, self.repertoire)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from synthetic_pages import plan_for
 
 from choreograph.choreography.constraints import (
     Ban,
+    Constraints,
     Keep,
     MotifPin,
     TakePin,
@@ -21,6 +23,7 @@ from choreograph.choreography.constraints import (
     read_signature,
     write_signature,
 )
+from choreograph.choreography.slots import resolve_bans
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.motion.motion import Credits
 from choreograph.plan_parts import PlannedWord
@@ -34,7 +37,10 @@ def test_pins_print_as_they_are_parsed(constraint):
     assert parse_pin(str(constraint)) == constraint
 
 
-@pytest.mark.parametrize("ban", [Ban(take="a b"), Ban(genre="cha-cha"), Ban(motif=0)])
+@pytest.mark.parametrize(
+    "ban",
+    [Ban(take="a b"), Ban(genre="cha-cha"), Ban(motif=0), Ban(performer="Ana: B"), Ban(licence="CC BY 4.0")],
+)
 def test_bans_print_as_they_are_parsed(ban):
     assert parse_ban(str(ban)) == ban
 
@@ -49,7 +55,35 @@ def test_malformed_pins(text):
         parse_pin(text)
 
 
-@pytest.mark.parametrize("text", ["", "take", "take:", "motif:x", "motif:-1", "song:a", "genre:"])
+def test_a_ban_excludes_the_takes_with_its_name_or_credits():
+    credits = Credits(genre="waltz", performer="Ana", licence="CC0")
+    for ban in (Ban(take="w"), Ban(genre="waltz"), Ban(performer="Ana"), Ban(licence="CC0")):
+        assert ban.excludes("w", credits)
+    for ban in (Ban(take="Ana"), Ban(genre="CC0"), Ban(performer="waltz"), Ban(licence="w"), Ban(motif=1)):
+        assert not ban.excludes("w", credits)
+
+
+def test_takes_that_may_be_danced_beside_bans():
+    of_ben = Credits("waltz", "Ben", "all rights reserved")
+    credits = [Credits("waltz", "Ana", "CC0"), of_ben, Credits("tango", "Ana", "")]
+    takes = [SimpleNamespace(name=f"take{index}", credits=of_take) for index, of_take in enumerate(credits)]
+    repertoire = SimpleNamespace(takes=takes)
+
+    def allowed(*bans):
+        return resolve_bans(Constraints(bans=bans), repertoire, 0)[0].tolist()
+
+    assert allowed(Ban(performer="Ana")) == [False, True, False]
+    assert allowed(Ban(licence="all rights reserved")) == [True, False, True]
+    assert allowed(Ban(licence="CC0"), Ban(genre="tango")) == [False, True, False]
+    with pytest.raises(ParameterError, match="ban of a performer among Ana, Ben, got 'Eva'"):
+        allowed(Ban(performer="Eva"))
+    with pytest.raises(ParameterError, match="ban of a licence among CC0, all rights reserved, got 'MIT'"):
+        allowed(Ban(licence="MIT"))
+    with pytest.raises(ParameterError, match="every take is banned"):
+        allowed(Ban(performer="Ana"), Ban(performer="Ben"))
+
+
+@pytest.mark.parametrize("text", ["", "take", "take:", "motif:x", "motif:-1", "song:a", "genre:", "licence:"])
 def test_malformed_bans(text):
     with pytest.raises(ParameterError, match="--ban"):
         parse_ban(text)
