@@ -3,8 +3,8 @@
     OMP_NUM_THREADS=1 python tests/benchmarks/scale.py TAKES [-o data_schema] [--clips 1000 10000 100000]
         [--libraries FOLDER]
 
-TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Builds are made of 8
-and of 16 of them, with the shipped networks kept, in one process: the difference is the cost of 8 takes.
+TAKES is a folder of `build-db` with at least 16 takes, such as `build/starter/takes`. Eight of them are added
+to a build of eight others, with the networks kept, in one process.
 Writes scale.md and scale.png. Needs Matplotlib, and 37 kB of disk for a clip. With --libraries, libraries of
 `archive.py` in a folder are used, and kept there.
 """
@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 from archive import library_in, measured
-from processes import Spent, spent
+from processes import spent
 
 import choreograph as cg
 
 HOURS = 10_000.0
-FEW, MANY = 8, 16  # takes of the two builds
+N_TAKES = 8  # that are added to as many others
 SONG_S = 20.0
 
 
@@ -41,34 +41,32 @@ class BuildCosts:
 
 
 def build_costs(takes: Path, folder: Path) -> BuildCosts:
-    """The costs of the takes that the larger build has more than the smaller one."""
+    """The costs of takes that are added to a build of as many others."""
     names = sorted({path.stem for path in takes.glob("*.bvh")})
-    if len(names) < MANY:
-        raise SystemExit(f"{takes}: expected at least {MANY} BVH takes, got {len(names)}")
+    if len(names) < 2 * N_TAKES:
+        raise SystemExit(f"{takes}: expected at least {2 * N_TAKES} BVH takes, got {len(names)}")
     # Every genre: takes are sorted by genre.
-    chosen = [names[index] for index in np.linspace(0, len(names) - 1, MANY).astype(int)]
-    results: list[tuple[Spent, Any, Any]] = []
-    for number in (FEW, MANY):
-        part = folder / f"{number}"
-        part.mkdir()
-        for name in chosen[:: MANY // number]:
+    chosen = [names[index] for index in np.linspace(0, len(names) - 1, 2 * N_TAKES).astype(int)]
+    for part, of_part in (("first", chosen[::2]), ("added", chosen[1::2])):
+        (folder / part).mkdir()
+        for name in of_part:
             for path in takes.glob(f"{name}.*"):
-                shutil.copy(path, part)
-        kept = ["--pretrained", "clean", "--keep-networks", "--workers", "1", "--quiet"]
-        plain, small = folder / f"{number}.h5", folder / f"{number}c.h5"
-        used = spent(["-m", "choreograph", "build-db", str(part), "-o", str(plain), *kept], folder / "cache")
-        spent(
-            ["-m", "choreograph", "build-db", str(part), "-o", str(small), *kept, "--set", "compress=true"],
-            folder / "cache",
-        )
-        results.append((used, cg.Repertoire.open(plain), small))
-    (few, few_made, few_small), (many, many_made, many_small) = results
-    minutes = _minutes(many_made) - _minutes(few_made)
+                shutil.copy(path, folder / part)
+    build = ["-m", "choreograph", "build-db"]
+    options = ["--workers", "1", "--no-cache", "--quiet", "-o"]
+    new = [*build, str(folder / "first"), "--pretrained", "clean", "--keep-networks", *options]
+    first, grown, small, larger = (folder / f"{name}.h5" for name in ("first", "grown", "small", "larger"))
+    spent([*new, str(small), "--compress"], folder / "cache")  # compiles
+    spent([*new, str(larger), "--compress", str(folder / "added")], folder / "cache")
+    spent([*new, str(first)], folder / "cache")
+    used = spent([*build, str(first), "--add", str(folder / "added"), *options, str(grown)], folder / "cache")
+    few, many = cg.Repertoire.open(first), cg.Repertoire.open(grown)
+    minutes = _minutes(many) - _minutes(few)
     return BuildCosts(
-        (many.cpu_s - few.cpu_s) / minutes,
-        (many_made.n_clips - few_made.n_clips) / minutes,
-        (many_made.path.stat().st_size - few_made.path.stat().st_size) / 1e6 / minutes,
-        (many_small.stat().st_size - few_small.stat().st_size) / 1e6 / minutes,
+        used.cpu_s / minutes,
+        (many.n_clips - few.n_clips) / minutes,
+        (grown.stat().st_size - first.stat().st_size) / 1e6 / minutes,
+        (larger.stat().st_size - small.stat().st_size) / 1e6 / minutes,
     )
 
 
@@ -117,14 +115,15 @@ def plot(path: Path, rows: list[dict[str, Any]], n_projected: float) -> None:
     plt.close(figure)
 
 
-def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
-    """The page in Markdown."""
+def page(costs: BuildCosts, rows: list[dict[str, Any]], asked: Sequence[int]) -> str:
+    """The page in Markdown. `asked` are the numbers of clips that libraries were asked to have at least."""
     clips = np.array([row["clips"] for row in rows], float)
     n_clips = HOURS * 60 * costs.clips
     lines = [
         "# What an archive costs",
         "",
-        "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes` wrote this page. Seconds "
+        "`OMP_NUM_THREADS=1 python tests/benchmarks/scale.py build/starter/takes --clips "
+        f"{' '.join(str(n) for n in asked)}` wrote this page. Seconds "
         "are of CPU time on one core of the machine that ran it. A projection supposes that every further "
         "clip costs as much as those between the two largest sizes. Costs grew less from size to size.",
         "",
@@ -132,7 +131,7 @@ def page(costs: BuildCosts, rows: list[dict[str, Any]]) -> str:
         "",
         "## To build",
         "",
-        f"Networks are kept. Measured as the difference of builds of {FEW} and {MANY} takes.",
+        f"Networks are kept. Measured as the addition of {N_TAKES} takes to as many others.",
         "",
         "| | a minute of motion | 10,000 hours, projected |",
         "| --- | --- | --- |",
@@ -190,7 +189,7 @@ def main() -> None:
             if options.libraries is None:
                 path.unlink()
     plot(options.output / "scale.png", rows, HOURS * 60 * costs.clips)
-    (options.output / "scale.md").write_text(page(costs, rows), encoding="utf-8")
+    (options.output / "scale.md").write_text(page(costs, rows, options.clips), encoding="utf-8")
 
 
 if __name__ == "__main__":
