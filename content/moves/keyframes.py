@@ -84,6 +84,7 @@ class MoveKeyframes:
 
     plants: dict[Side, list[FootPlant]]
     ground: list[Keyframe]  # (x, z) under the body, m
+    load: list[Keyframe]  # share of the weight on the left foot
     facing: list[Keyframe]  # rad, unwrapped
     channels: dict[str, list[Keyframe]]  # CHANNELS in degrees and metres, ARM_CHANNELS as `Arm.coordinates`
     bob: list[Keyframe]  # m below standing
@@ -126,6 +127,7 @@ def build_keyframes(placed: Sequence[PlacedMove], rng: np.random.Generator | Non
     return MoveKeyframes(
         plants,
         _arrival_keys([(load.count, load.spot_m) for load in loads], to_go=_BODY_TO_GO),
+        _arrival_keys([(load.count, (load.on_left,)) for load in loads], to_go=_BODY_TO_GO),
         _arrival_keys(facing, to_go=_TURN_TO_GO),
         channels,
         sorted(bob, key=lambda key: key.count),

@@ -12,6 +12,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.motion.motion import Motion
 from content.moves.body import animate
+from content.moves.carriage import Carriage
 from content.moves.curves import Tempo
 from content.moves.feet import FootPath
 from content.moves.keyframes import PlacedMove, build_keyframes
@@ -32,6 +33,7 @@ class Genre:
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
     bounce: float = 1.0
+    carriage: Carriage = Carriage()
     # From this tempo on, moves are danced with two beats per count.
     half_time_from_bpm: float = 400.0
 
@@ -76,7 +78,8 @@ def render_take(
     counts_s, energies = beats[first_downbeat::every], energies[first_downbeat::every]
     rng = np.random.default_rng(seed)
     placed = _sequence(genre, counts_s, energies, rng)
-    return render(placed, counts_s, rng=rng, fps=fps, duration_s=float(beats[-1]) + _AFTER_S)
+    duration_s = float(beats[-1]) + _AFTER_S
+    return render(placed, counts_s, rng=rng, fps=fps, duration_s=duration_s, carriage=genre.carriage)
 
 
 def render(
@@ -86,6 +89,7 @@ def render(
     rng: np.random.Generator | None,
     fps: float = 60.0,
     duration_s: float | None = None,
+    carriage: Carriage = Carriage(),
 ) -> RenderedTake:
     """Render placed moves, each starting where and when the previous one ended.
 
@@ -94,7 +98,7 @@ def render(
     counts_s = np.asarray(count_times_s, np.float64)
     tempo = Tempo(counts_s)
     until_s = float(counts_s[-1]) + _AFTER_S if duration_s is None else duration_s
-    motion, feet = animate(build_keyframes(placed, rng), tempo, until_s, fps, rng)
+    motion, feet = animate(build_keyframes(placed, rng), tempo, until_s, fps, rng, carriage)
     return RenderedTake(motion, tuple(placed), counts_s, feet)
 
 
