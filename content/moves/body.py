@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
@@ -23,7 +25,8 @@ _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}
 _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("left_knee", "left_ankle")))
 _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
-_SETTLE_S = 0.10  # over this time the pelvis is lowered into the reach of the legs
+_SETTLE_S = 0.07  # over this time the pelvis is lowered into the reach of the legs
+_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 46.0, 5.0)), 0.04
 _BODY_HZ, _ARM_HZ, _DAMPING = 5.0, 4.0, 0.72  # springs of the follow-through of spine and arms
 # Joint, share of bend, side and twist, share of the arch (lower spine forward, upper back), lag in s.
 _SPINE = (("spine1", 0.38, -0.36, -0.015), ("spine2", 0.34, 0.06, 0.0), ("spine3", 0.28, 0.6, 0.02))
@@ -51,7 +54,7 @@ def animate(
     balls_m = np.stack([feet[side].ball_m for side in SIDES])
     carry(ch, support_of(load, balls_m, spot, facing, fps), carriage, fps, rng)
     root_quat = _pelvis_quat(facing, ch)
-    root = _pelvis_pos(spot, feet, facing, root_quat, ch, carriage, fps)
+    root = _pelvis_pos(spot, feet, facing, root_quat, load, ch, carriage, fps)
     local = np.tile(rot.IDENTITY, (len(times), _SKELETON.n_joints, 1))  # (T, J, 4)
     local[:, 0] = root_quat
     _spine_and_head(local, ch, fps)
@@ -116,20 +119,40 @@ def _pelvis_quat(facing: Floats, ch: dict[str, Floats]) -> Floats:
 
 
 def _pelvis_pos(
-    spot: Floats, feet: dict[Side, FootPath], facing: Floats, root_quat: Floats, ch: dict[str, Floats],
-    carriage: Carriage, fps: float,
+    spot: Floats, feet: dict[Side, FootPath], facing: Floats, root_quat: Floats, load: Floats,
+    ch: dict[str, Floats], carriage: Carriage, fps: float,
 ) -> Floats:  # fmt: skip
-    """(T, 3): over the feet by their share of the weight, as high as bounce, pliés and leg reach allow."""
+    """(T, 3): over the feet by their share of the weight, as high as bounce, pliés and leg reach allow.
+
+    The heel of a foot that the weight leaves is raised in `feet` before the pelvis sinks.
+    """
     sway = np.stack([ch["hip_side"], np.zeros_like(facing), ch["hip_fwd"]], axis=-1)
     pos = rot.rotate(rot.about_y(facing), sway)
     pos[:, [0, 2]] += spot
     pos[:, 1] = 0.0
+    wanted = _STANDING_M - carriage.stoop_m - ch["bob"] - ch["drop"]
+    for side, carried in zip(SIDES, (load, 1.0 - load), strict=True):
+        over = pos + np.array([0.0, 1.0, 0.0]) * wanted[:, None]
+        feet[side] = _heel_raised(over, root_quat, side, feet[side], carried, carriage.reach, fps)
     limit = np.min([_highest(pos, root_quat, side, feet[side], carriage.reach) for side in SIDES], axis=0)
     width = max(1, round(_SETTLE_S * fps))
     limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
-    wanted = _STANDING_M - carriage.stoop_m - ch["bob"] - ch["drop"]
     pos[:, 1] = _soft_min(wanted, limit)
     return pos
+
+
+def _heel_raised(
+    wanted: Floats, root_quat: Floats, side: str, foot: FootPath, carried: Floats, reach: float, fps: float
+) -> FootPath:
+    """The foot on its ball as far as a pelvis at `wanted` (T, 3) needs, while it carries less than the other."""
+    needed = np.zeros(len(carried))
+    for pitch in _HEEL_RAD:
+        tried = replace(foot, pitch_rad=np.maximum(foot.pitch_rad, pitch))
+        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch + _HEEL_RAD[1]
+    needed *= foot.planted * np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
+    needed = gaussian_filter1d(needed, _HEEL_S * fps, mode="nearest") * foot.planted
+    pitch = np.where(needed > foot.pitch_rad, needed, foot.pitch_rad)
+    return replace(foot, pitch_rad=pitch, flat=foot.flat & (needed < 1e-9))
 
 
 def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath, reach: float) -> Floats:
@@ -140,7 +163,7 @@ def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath, reach: f
     return gap[:, 1] + np.sqrt(level)
 
 
-def _soft_min(a: Floats, b: Floats, width: float = 0.02) -> Floats:
+def _soft_min(a: Floats, b: Floats, width: float = 0.01) -> Floats:
     return 0.5 * (a + b - np.sqrt((a - b) ** 2 + width**2))
 
 

@@ -14,11 +14,12 @@ from choreograph.motion.motion import Motion
 from content.moves.body import animate
 from content.moves.carriage import Carriage
 from content.moves.curves import Tempo
+from content.moves.figures import Figure, Manner
 from content.moves.feet import FootPath
 from content.moves.keyframes import PlacedMove, build_keyframes
-from content.moves.notation import Move, Side
+from content.moves.notation import Move, Side, varied
 
-STAGE_M = 1.2  # soft limit of the distance of a home from the middle
+STAGE_M = 2.0  # soft limit of the distance of a home from the middle
 _EASY_S = 0.5  # duration of a count at which steps have their written size
 _AFTER_S = 0.6  # length of a take after its last beat
 
@@ -28,7 +29,12 @@ class Genre:
     """A genre: its moves and how they are danced."""
 
     name: str
-    moves: tuple[Move, ...]
+    moves: tuple[Move, ...] = ()
+    figures: tuple[Figure, ...] = ()
+    manner: Manner = Manner()  # of its figures
+    steer_deg: float = 20.0  # spread of the turn that is added to a figure
+    song: str = ""  # style of its songs, by default of the same name
+    bpm: tuple[float, float] | None = None  # of its takes, by default of its songs
     bar: int = 4  # counts
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
@@ -98,7 +104,7 @@ def render(
     counts_s = np.asarray(count_times_s, np.float64)
     tempo = Tempo(counts_s)
     until_s = float(counts_s[-1]) + _AFTER_S if duration_s is None else duration_s
-    motion, feet = animate(build_keyframes(placed, rng), tempo, until_s, fps, rng, carriage)
+    motion, feet = animate(build_keyframes(placed, rng, carriage), tempo, until_s, fps, rng, carriage)
     return RenderedTake(motion, tuple(placed), counts_s, feet)
 
 
@@ -118,15 +124,15 @@ def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.G
     while count < len(counts_s) - 1:
         options = [
             phrase
-            for move in genre.moves
-            if not placed or move.name != placed[-1].move.name or len(genre.moves) == 1
-            for phrase in [_phrase(genre, move, placed, count, counts_s, energies, rng)]
+            for written in (*genre.moves, *genre.figures)
+            if not placed or written.name != placed[-1].move.name or len(genre.moves + genre.figures) == 1
+            for phrase in [_phrase(genre, written, placed, count, counts_s, energies, rng)]
             if phrase
         ]
         if not options:
             raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
         used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
-        odds = np.exp([-_cost(phrase) - 0.25 * n for phrase, n in zip(options, used, strict=True)])
+        odds = np.exp([-_cost(phrase) - 0.9 * n for phrase, n in zip(options, used, strict=True)])
         chosen = options[rng.choice(len(options), p=odds / odds.sum())]
         placed += chosen
         count = chosen[-1].start + chosen[-1].move.counts
@@ -134,30 +140,31 @@ def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.G
 
 
 def _phrase(
-    genre: Genre, move: Move, placed: list[PlacedMove], count: int, counts_s: Floats, energies: Floats,
-    rng: np.random.Generator,
+    genre: Genre, written: Move | Figure, placed: list[PlacedMove], count: int, counts_s: Floats,
+    energies: Floats, rng: np.random.Generator,
 ) -> list[PlacedMove]:  # fmt: skip
-    """The move repeated for two or four bars from `count`. Empty if the song is too fast for it."""
+    """A move from `count`, once or, on the other side, twice. Empty if the song is too fast for it."""
     first = min(count, len(counts_s) - 2)
-    if counts_s[first + 1] - counts_s[first] < 60.0 / move.fastest_bpm:
+    if counts_s[first + 1] - counts_s[first] < 60.0 / written.fastest_bpm:
         return []
-    length = genre.bar * int(rng.choice([2, 4], p=[0.6, 0.4]))
+    times = 2 if written.counts <= genre.bar and rng.random() < 0.5 else 1
     phrase: list[PlacedMove] = []
     at = count
-    while not phrase or at + move.counts <= count + length:
+    for _ in range(times):
         before = phrase[-1] if phrase else placed[-1] if placed else None
         free = before.move.free_foot if before else None
         mirrored = bool(rng.random() < 0.5) if not phrase else not phrase[-1].mirrored
-        if free is not None and move.first_foot is not None:
-            mirrored = move.first_foot != free
+        if free is not None and written.first_foot is not None:
+            mirrored = written.first_foot != free
+        move = _danced(genre, written, mirrored, rng)
         origin, yaw = before.end() if before else ((0.0, 0.0), 0.0)
         i = min(at, len(counts_s) - 2)
         lively = float(np.clip(energies[min(at, len(energies) - 1)], 0.0, 1.0))
         fast = float(np.clip(((counts_s[i + 1] - counts_s[i]) / _EASY_S) ** 0.6, 0.65, 1.2))
         phrase.append(
             PlacedMove(
-                move.mirrored() if mirrored else move, mirrored, at, origin, yaw,
-                size=genre.size * fast * (0.7 + 0.5 * lively),
+                move, mirrored, at, origin, yaw,
+                size=genre.size * fast * (0.75 + 0.4 * lively),
                 sharpness=float(np.clip(genre.sharpness + 0.5 * (lively - 0.5), 0.0, 1.0)),
                 bounce=genre.bounce * (0.75 + 0.5 * lively),
             )
@@ -166,9 +173,18 @@ def _phrase(
     return phrase
 
 
+def _danced(genre: Genre, written: Move | Figure, mirrored: bool, rng: np.random.Generator) -> Move:
+    """A figure or a move, or its mirror image, as it is danced this time."""
+    if isinstance(written, Figure):
+        steer_deg = float(rng.normal(0.0, genre.steer_deg))
+        return written.move(genre.manner, rng, steer_deg=steer_deg, mirrored=mirrored)
+    move = varied(written, rng, length=genre.manner.varies, turn_deg=genre.steer_deg)
+    return move.mirrored() if mirrored else move
+
+
 def _cost(phrase: list[PlacedMove]) -> float:
     """Cost of a phrase: it leaves the stage, or ends with the dancer turned away."""
     ends = [p.end() for p in phrase]
     out = max(float(np.hypot(*origin)) for origin, _ in ends)
     turned = abs((ends[-1][1] + np.pi) % (2 * np.pi) - np.pi)
-    return 12.0 * max(0.0, out - 0.75 * STAGE_M) + 0.8 * float(np.hypot(*ends[-1][0])) + 0.7 * turned
+    return 6.0 * max(0.0, out - 0.75 * STAGE_M) + 0.5 * float(np.hypot(*ends[-1][0])) + 0.3 * turned

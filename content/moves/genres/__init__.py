@@ -5,8 +5,9 @@ from content.moves.genres.contemporary import CONTEMPORARY
 from content.moves.genres.disco import DISCO
 from content.moves.genres.hip_hop import HIP_HOP
 from content.moves.genres.house import HOUSE
+from content.moves.genres.rumba import RUMBA
 from content.moves.genres.salsa import SALSA
 from content.moves.genres.swing import SWING
 from content.moves.genres.waltz import WALTZ
 
-GENRES = {genre.name: genre for genre in (HOUSE, HIP_HOP, CONTEMPORARY, DISCO, CHA_CHA, SALSA, WALTZ, SWING)}
+GENRES = {genre.name: genre for genre in (HOUSE, HIP_HOP, CONTEMPORARY, DISCO, CHA_CHA, RUMBA, SALSA, WALTZ, SWING)}
