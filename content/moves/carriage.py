@@ -69,7 +69,9 @@ def support_of(load: Floats, feet_m: Floats, spot_m: Floats, facing: Floats, fps
     cos, sin = np.cos(facing), np.sin(facing)
 
     def facing_frame(vector: Floats) -> Floats:
-        return np.stack([cos * vector[:, 0] - sin * vector[:, 1], sin * vector[:, 0] + cos * vector[:, 1]], -1)
+        return np.stack(
+            [cos * vector[:, 0] - sin * vector[:, 1], sin * vector[:, 0] + cos * vector[:, 1]], -1
+        )
 
     apart = (feet_m[0] - feet_m[1])[:, [0, 2]]
     turning = np.gradient(gaussian_filter1d(facing, _SMOOTH_S * fps, mode="nearest")) * fps

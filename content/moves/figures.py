@@ -234,7 +234,5 @@ def _poses(
         poses[count] = pose(flow=manner.flow, **arms, **values)
     for count, more in figure.poses.items():
         base = poses.get(count, more)
-        poses[count] = replace(
-            base, values={**base.values, **more.values}, arms={**base.arms, **more.arms}
-        )
+        poses[count] = replace(base, values={**base.values, **more.values}, arms={**base.arms, **more.arms})
     return poses
