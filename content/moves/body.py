@@ -15,7 +15,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from content.moves.arm_poses import shoulder_quat
 from content.moves.carriage import Carriage, carry, support_of
-from content.moves.curves import Tempo, evaluate, smooth_noise, spring_follow, spring_lag_s
+from content.moves.curves import Tempo, ease, evaluate, smooth_noise, spring_follow, spring_lag_s
 from content.moves.feet import FootPath, foot_path
 from content.moves.keyframes import MoveKeyframes
 from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
@@ -23,10 +23,14 @@ from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
 _SKELETON = canonical_skeleton()
 _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}
 _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("left_knee", "left_ankle")))
+_REACH = 0.9965  # of a leg's length: nearer to straight, a leg does not quite reach its foot
 _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
-_SETTLE_S = 0.07  # over this time the pelvis is lowered into the reach of the legs
-_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 46.0, 5.0)), 0.04
+_SETTLE_S = 0.10  # over this time the pelvis is lowered into the reach of the legs
+_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 46.0, 5.0)), 0.06
+_FLAT_S = 0.3  # after a foot has landed
+_HEEL_DOWN_S = 0.2  # after a foot has left
+_BENT_RAD = 0.07  # of thigh and shin, from which a leg is bent or stretched
 _BODY_HZ, _ARM_HZ, _DAMPING = 5.0, 4.0, 0.72  # springs of the follow-through of spine and arms
 # Joint, share of bend, side and twist, share of the arch (lower spine forward, upper back), lag in s.
 _SPINE = (("spine1", 0.38, -0.36, -0.015), ("spine2", 0.34, 0.06, 0.0), ("spine3", 0.28, 0.6, 0.02))
@@ -134,10 +138,11 @@ def _pelvis_pos(
     for side, carried in zip(SIDES, (load, 1.0 - load), strict=True):
         over = pos + np.array([0.0, 1.0, 0.0]) * wanted[:, None]
         feet[side] = _heel_raised(over, root_quat, side, feet[side], carried, carriage.reach, fps)
-    limit = np.min([_highest(pos, root_quat, side, feet[side], carriage.reach) for side in SIDES], axis=0)
+    limit = np.min([_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0)
+    at_most = np.min([_highest(pos, root_quat, side, feet[side], _REACH) for side in SIDES], axis=0)
     width = max(1, round(_SETTLE_S * fps))
     limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
-    pos[:, 1] = _soft_min(wanted, limit)
+    pos[:, 1] = np.minimum(_soft_min(wanted, limit), at_most)
     return pos
 
 
@@ -149,8 +154,13 @@ def _heel_raised(
     for pitch in _HEEL_RAD:
         tried = replace(foot, pitch_rad=np.maximum(foot.pitch_rad, pitch))
         needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch + _HEEL_RAD[1]
-    needed *= foot.planted * np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
-    needed = gaussian_filter1d(needed, _HEEL_S * fps, mode="nearest") * foot.planted
+    needed *= np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
+    frames = np.arange(len(needed))
+    landed = np.maximum.accumulate(np.where(foot.planted, -10 * len(frames), frames))
+    needed *= ease((frames - landed) / (_FLAT_S * fps))
+    last = np.maximum.accumulate(np.where(foot.planted, frames, 0))  # in the air, as it left
+    needed = needed[last] * (1.0 - ease((frames - last) / (_HEEL_DOWN_S * fps)))
+    needed = gaussian_filter1d(needed, _HEEL_S * fps, mode="nearest")
     pitch = np.where(needed > foot.pitch_rad, needed, foot.pitch_rad)
     return replace(foot, pitch_rad=pitch, flat=foot.flat & (needed < 1e-9))
 
@@ -225,8 +235,8 @@ def _leg(local: Floats, root: Floats, side: str, foot: FootPath) -> None:
     turned_out = (foot.yaw_rad - pelvis_yaw + np.pi) % (2 * np.pi) - np.pi
     knee_yaw = rot.about_y(pelvis_yaw + np.clip(0.85 * turned_out, -1.2, 1.2))  # (T, 4)
     hip_pos = root + rot.rotate(local[:, 0], _SKELETON.offsets_m[hip])
-    bent = rot.multiply(knee_yaw, rot.from_rotvec(np.array([0.25, 0.0, 0.0])))
-    thigh = rot.multiply(knee_yaw, rot.from_rotvec(np.array([-0.25, 0.0, 0.0])))
+    bent = rot.multiply(knee_yaw, rot.from_rotvec(np.array([_BENT_RAD, 0.0, 0.0])))
+    thigh = rot.multiply(knee_yaw, rot.from_rotvec(np.array([-_BENT_RAD, 0.0, 0.0])))
     knee_pos = hip_pos + rot.rotate(thigh, _SKELETON.offsets_m[knee])
     ankle_pos = knee_pos + rot.rotate(bent, _SKELETON.offsets_m[ankle])
     axis = rot.rotate(knee_yaw, np.array([1.0, 0.0, 0.0]))

@@ -31,7 +31,7 @@ _HEEL_OFF_RAD = np.radians(38.0)  # for a step of _FAR_M or more
 _FAR_M = 0.40
 _HEEL_DOWN = 0.65  # of a swing: by then the foot is as it lands
 _STRIKE_RAD = np.radians(-15.0)  # toes up as the heel lands, after a step forward of _FAR_M or more
-_STRIKE_S = 0.13  # until the foot is flat
+_STRIKE_S = 0.16  # until the foot is flat
 _PIVOT_RAD = np.radians(5.0)  # the heel is slightly raised while the foot turns on its ball
 
 
@@ -89,8 +89,11 @@ def foot_path(plants: Sequence[FootPlant], tempo: Tempo, times_s: Floats) -> Foo
         yaw[flying] = here.yaw_rad + (there.yaw_rad - here.yaw_rad) * s
         turns = there.in_place and abs(there.yaw_rad - here.yaw_rad) > 1e-6
         strike = _strike(here, there)
-        down = ease(u / _HEEL_DOWN)[flying] if heel_off else s
-        pitch[flying] = start_pitch + (there.pitch_rad + strike - start_pitch) * down
+        if there.in_place:
+            pitch[flying] += (there.pitch_rad - here.pitch_rad) * s
+        else:
+            down = ease(u / _HEEL_DOWN)[flying] if heel_off else s
+            pitch[flying] = start_pitch + (there.pitch_rad + strike - start_pitch) * down
         pitch[flying] += over * _PIVOT_RAD * turns
         in_air[flying] = over * (not there.in_place)
         planted[flying] = there.in_place

@@ -23,10 +23,11 @@ import numpy as np
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
-from content.moves.notation import Bounce, Move, Pose, Side, Step, other, pose
+from content.moves.notation import SIDES, Bounce, Move, Pose, Side, Step, other, pose
 
 # A foot's ball from the middle of its home, as in `keyframes`.
 HOME_SIDE_M, HOME_FWD_M = 0.10, 0.09
+_FARTHEST_M = 0.58  # of one step
 _PIVOTS_DEG = 12.0  # from this turn on the standing foot turns along
 _STEP = re.compile(r"([\d.]+) ([LR]) (-?\d+) (-?\d+)((?: (?:@-?\d+|k\d+|[bthfps]))*)")
 ArmPair = tuple[str, str]  # names of the poses of the left and the right arm
@@ -138,6 +139,7 @@ def _walk(
     first = relative[0]
     support: Side = first.foot if first.kind == "p" else other(first.foot)
     home, face = np.zeros(2), 0.0
+    balls = {side: _offset(side) for side in SIDES}  # where each foot stands
     steps: list[Step] = []
     stands = [(0.0, support, 0.0, 0.0)]
     share = steer_deg / max(1, sum(r.kind != "p" for r in relative))
@@ -146,21 +148,22 @@ def _walk(
         turn = r.turn_deg + share + (manner.turns_vary_deg * sway if r.kind != "p" else 0.0)
         if r.kind == "p":
             steps.append(Step(r.foot, r.count, face=None, weight=1.0, lift=0.0, swing=0.5))
-            home, support = _home_of(steps, r.foot, home, face), r.foot
+            home, support = balls[r.foot] - _turned(_offset(r.foot), face), r.foot
             stands.append((r.count, support, 0.0, 0.0))
             continue
         new_face = face + turn
         # The standing foot turns about its ball, so that the home beside it moves.
-        ball = home + _turned(_offset(support), face)
-        home = ball - _turned(_offset(support), new_face)
+        home = balls[support] - _turned(_offset(support), new_face)
         if abs(turn) > _PIVOTS_DEG:
             steps.append(_pivot(support, r.count, new_face, manner))
         sign = 1.0 if r.foot == "left" else -1.0
         length = 1.0 + manner.varies * vary
         way = np.array([sign * r.out_m, r.fwd_m]) * length
+        way *= min(1.0, _FARTHEST_M / max(float(np.hypot(*way)), 1e-6))
         at = home + _turned(way, face + 0.5 * turn)
         steps.append(_step(r, (float(at[0]), float(at[1])), new_face, manner))
         face = new_face
+        balls[r.foot] = at + _turned(_offset(r.foot), face)
         if r.kind not in "thfk" or not r.kind:
             home, support = at, r.foot
             stands.append((r.count, support, sign * r.out_m, turn))
@@ -169,7 +172,7 @@ def _walk(
 
 def _step(r: RelativeStep, at: tuple[float, float], face: float, manner: Manner) -> Step:
     far = float(np.hypot(r.out_m, r.fwd_m))
-    swing = 0.45 if r.kind == "s" else 2.0 if manner.glides and not r.kind else min(manner.swing, 0.55 + far)
+    swing = 0.45 if r.kind == "s" else 2.0 if manner.glides else min(manner.swing, 0.55 + far)
     more = {"toe_out": manner.toe_out_deg, "swing": swing, "lift": manner.lift_m}
     if r.kind == "k":
         return Step(r.foot, r.count, at, face, height=r.height_m, pitch=14.0, lift=0.02, swing=0.7)
@@ -180,15 +183,6 @@ def _step(r: RelativeStep, at: tuple[float, float], face: float, manner: Manner)
 
 def _pivot(foot: Side, count: float, face: float, manner: Manner) -> Step:
     return Step(foot, count, face=face, lift=0.0, swing=0.8, toe_out=manner.toe_out_deg)
-
-
-def _home_of(steps: list[Step], foot: Side, home: Floats, face: float) -> Floats:
-    """The home beside a foot where it stands."""
-    last = next((s for s in reversed(steps) if s.foot == foot and not s.in_place), None)
-    if last is None:
-        return home
-    ball = np.array(last.at) + _turned(_offset(foot), last.face or 0.0)
-    return ball - _turned(_offset(foot), face)
 
 
 def _offset(foot: Side) -> Floats:

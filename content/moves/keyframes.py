@@ -26,7 +26,9 @@ _QUICK = (
     0.49  # counts: a foot that carries the body for less does not get it over itself, as on a swung "and"
 )
 _TURNS_THROUGH = 0.4  # a turn on the counts, at this share of its mean speed
+_WAITS = 0.5  # counts that a free foot stays behind before it follows
 _CLEAR_M, _WIDEST_BOW_M = 0.17, 0.30  # from one ball to the other as a foot passes
+_LOAD_TO_GO = 0.3  # share of the weight that moves to a foot after it lands
 _TURN_TO_GO = 0.08  # share of a turn left on landing, per count of late arrival
 
 
@@ -133,7 +135,7 @@ def build_keyframes(
     return MoveKeyframes(
         plants,
         _arrival_keys([(load.count, load.spot_m) for load in loads], carriage.to_go, carriage.through),
-        _arrival_keys([(load.count, (load.on_left,)) for load in loads], carriage.to_go, carriage.through),
+        _arrival_keys([(load.count, (load.on_left,)) for load in loads], _LOAD_TO_GO, _TURNS_THROUGH),
         _arrival_keys(facing, _TURN_TO_GO, _TURNS_THROUGH),
         channels,
         sorted(bob, key=lambda key: key.count),
@@ -159,7 +161,8 @@ def _add_step(
         bow = _around(standing.ball_m, ball, plants["right" if s.foot == "left" else "left"][-1], s.foot, yaw)
     lift = s.lift * (0.6 + 0.4 * p.size)
     # It does not leave before the other foot has landed and taken the weight.
-    swing = min(s.swing, count - loads[-1].count)
+    since = count - loads[-1].count
+    swing = min(s.swing if s.in_place else max(s.swing, since - _WAITS), since)
     on_other = 1.0 if s.foot == "right" else 0.0
     if (
         not s.in_place and abs(loads[-1].on_left - on_other) > 1e-9
