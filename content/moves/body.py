@@ -15,6 +15,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from content.moves.arm_poses import shoulder_quat
 from content.moves.carriage import Carriage, carry, support_of
+from content.moves.clearance import clear_trunk
 from content.moves.curves import Tempo, ease, evaluate, smooth_noise, spring_follow, spring_lag_s
 from content.moves.feet import FootPath, foot_path
 from content.moves.keyframes import MoveKeyframes
@@ -63,6 +64,7 @@ def animate(
     local[:, 0] = root_quat
     _spine_and_head(local, ch, fps)
     _arms(local, ch, fps)
+    clear_trunk(local, root, fps)
     for side in SIDES:
         _leg(local, root, side, feet[side])
     return Motion(_SKELETON, root, rot.make_continuous(local), fps), feet

@@ -33,8 +33,6 @@ class Genre:
     figures: tuple[Figure, ...] = ()
     manner: Manner = Manner()  # of its figures
     steer_deg: float = 20.0  # spread of the turn that is added to a figure
-    song: str = ""  # style of its songs, by default of the same name
-    bpm: tuple[float, float] | None = None  # of its takes, by default of its songs
     bar: int = 4  # counts
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
@@ -62,6 +60,9 @@ def render_take(
     seed: int = 0,
     fps: float = 60.0,
     first_downbeat: int = 0,
+    first: Move | None = None,
+    middle: Move | None = None,
+    last: Move | None = None,
 ) -> RenderedTake:
     """Dance a genre to a song.
 
@@ -83,7 +84,7 @@ def render_take(
     every = 2 if 60.0 / np.median(np.diff(beats)) >= genre.half_time_from_bpm else 1
     counts_s, energies = beats[first_downbeat::every], energies[first_downbeat::every]
     rng = np.random.default_rng(seed)
-    placed = _sequence(genre, counts_s, energies, rng)
+    placed = _sequence(genre, counts_s, energies, rng, first, middle, last)
     duration_s = float(beats[-1]) + _AFTER_S
     return render(placed, counts_s, rng=rng, fps=fps, duration_s=duration_s, carriage=genre.carriage)
 
@@ -118,25 +119,51 @@ def sequence_moves(moves: Sequence[Move], **manner: float) -> list[PlacedMove]:
     return placed
 
 
-def _sequence(genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.Generator) -> list[PlacedMove]:
+def _sequence(
+    genre: Genre, counts_s: Floats, energies: Floats, rng: np.random.Generator, first: Move | None,
+    middle: Move | None, last: Move | None,
+) -> list[PlacedMove]:  # fmt: skip
     placed: list[PlacedMove] = []
     count = 0
-    while count < len(counts_s) - 1:
-        options = [
-            phrase
-            for written in (*genre.moves, *genre.figures)
-            if not placed or written.name != placed[-1].move.name or len(genre.moves + genre.figures) == 1
-            for phrase in [_phrase(genre, written, placed, count, counts_s, energies, rng)]
-            if phrase
-        ]
-        if not options:
-            raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
-        used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
-        odds = np.exp([-_cost(phrase) - 0.9 * n for phrase, n in zip(options, used, strict=True)])
-        chosen = options[rng.choice(len(options), p=odds / odds.sum())]
-        placed += chosen
-        count = chosen[-1].start + chosen[-1].move.counts
+    for fixed, until in (
+        (first, 0),
+        (middle, genre.bar * ((len(counts_s) - 1) // (2 * genre.bar))),
+        (last, len(counts_s) - 1 - (last.counts if last else 0)),
+    ):
+        while count < until:
+            placed += _next_phrase(genre, placed, count, counts_s, energies, rng)
+            count = placed[-1].start + placed[-1].move.counts
+        if fixed is not None:
+            placed.append(_fixed(fixed, placed, count, genre))
+            count += fixed.counts
     return placed
+
+
+def _fixed(move: Move, placed: list[PlacedMove], count: int, genre: Genre) -> PlacedMove:
+    free = placed[-1].move.free_foot if placed else None
+    mirrored = free is not None and move.first_foot not in (None, free)
+    origin, yaw = placed[-1].end() if placed else ((0.0, 0.0), 0.0)
+    return PlacedMove(move.mirrored() if mirrored else move, mirrored, count, origin, yaw, size=genre.size)
+
+
+def _next_phrase(
+    genre: Genre, placed: list[PlacedMove], count: int, counts_s: Floats, energies: Floats,
+    rng: np.random.Generator,
+) -> list[PlacedMove]:  # fmt: skip
+    """A phrase that follows what is placed, drawn by its cost and by how often it has been danced."""
+    written = (*genre.moves, *genre.figures)
+    options = [
+        phrase
+        for move in written
+        if not placed or move.name != placed[-1].move.name or len(written) == 1
+        for phrase in [_phrase(genre, move, placed, count, counts_s, energies, rng)]
+        if phrase
+    ]
+    if not options:
+        raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
+    used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
+    odds = np.exp([-_cost(phrase) - 0.9 * n for phrase, n in zip(options, used, strict=True)])
+    return options[rng.choice(len(options), p=odds / odds.sum())]
 
 
 def _phrase(

@@ -65,7 +65,7 @@ MANNER = Manner(
 )  # fmt: skip
 
 CHARLESTON = Genre(
-    "Charleston", figures=(*_FIGURES_4, *_FIGURES_8), manner=MANNER, song="swing", bpm=(150.0, 200.0), sharpness=0.5,
+    "Charleston", figures=(*_FIGURES_4, *_FIGURES_8), manner=MANNER, sharpness=0.5,
     bounce=0.8, size=1.3, steer_deg=30.0,
     carriage=Carriage(
         to_go=0.4, through=0.4, reach=0.995, give_m=0.01, hip_up=5.0, hip_with_feet=22.0, chest_against=1.0,

@@ -59,7 +59,7 @@ MANNER = Manner(
 )  # fmt: skip
 
 JIVE = Genre(
-    "jive", figures=FIGURES, manner=MANNER, song="swing", bpm=(132.0, 176.0), sharpness=0.6, bounce=1.0, size=1.25,
+    "jive", figures=FIGURES, manner=MANNER, sharpness=0.6, bounce=1.0, size=1.25,
     steer_deg=30.0,
     carriage=Carriage(
         to_go=0.5, through=0.5, reach=0.996, stoop_m=0.0, give_m=0.01, hip_up=7.0, hip_out_m=0.02,

@@ -44,7 +44,6 @@ FIGURES = (
 
 VIENNESE_WALTZ = Genre(
     "Viennese waltz", figures=FIGURES,
-    manner=replace(MANNER, levels_m=(0.02, -0.005, -0.015), ball_deg=20.0, lift_m=0.045, swing=0.95),
-    song="waltz", bpm=(144.0, 180.0), bar=3, sharpness=0.2, bounce=0.0, size=1.2, steer_deg=25.0,
+    manner=replace(MANNER, levels_m=(0.02, -0.005, -0.015), ball_deg=20.0, lift_m=0.045, swing=0.95), bar=3, sharpness=0.2, bounce=0.0, size=1.2, steer_deg=25.0,
     carriage=WALTZ.carriage,
 )  # fmt: skip

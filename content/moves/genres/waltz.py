@@ -83,7 +83,7 @@ MANNER = Manner(
 )
 
 WALTZ = Genre(
-    "waltz", figures=FIGURES, manner=MANNER, bar=3, bpm=(84.0, 112.0), sharpness=0.2, bounce=0.0, size=1.25, steer_deg=30.0,
+    "waltz", figures=FIGURES, manner=MANNER, bar=3, sharpness=0.2, bounce=0.0, size=1.25, steer_deg=30.0,
     carriage=Carriage(
         to_go=1.0, through=0.9, reach=0.999, stoop_m=-0.01, give_m=0.0, lean=-15.0, hip_up=5.0, sway=-4.0,
         head_still=-0.3, hip_with_feet=10.0, chest_against=-0.3, arm_swing=0.0, arm_drag_s=0.01,
