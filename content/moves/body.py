@@ -28,7 +28,7 @@ _REACH = 0.9965  # of a leg's length: nearer to straight, a leg does not quite r
 _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
 _SETTLE_S = 0.10  # over this time the pelvis is lowered into the reach of the legs
-_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 46.0, 5.0)), 0.06
+_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 21.0, 2.5)), 0.05
 _FLAT_S = 0.3  # after a foot has landed
 _HEEL_DOWN_S = 0.2  # after a foot has left
 _BENT_RAD = 0.07  # of thigh and shin, from which a leg is bent or stretched
@@ -137,10 +137,13 @@ def _pelvis_pos(
     pos[:, [0, 2]] += spot
     pos[:, 1] = 0.0
     wanted = _STANDING_M - carriage.stoop_m - ch["bob"] - ch["drop"]
-    for side, carried in zip(SIDES, (load, 1.0 - load), strict=True):
-        over = pos + np.array([0.0, 1.0, 0.0]) * wanted[:, None]
+    highest = [_highest(pos, root_quat, side, feet[side], carriage.reach) for side in SIDES]
+    for side, carried, of_other in zip(SIDES, (load, 1.0 - load), highest[::-1], strict=True):
+        over = pos + np.array([0.0, 1.0, 0.0]) * np.minimum(wanted, of_other)[:, None]
         feet[side] = _heel_raised(over, root_quat, side, feet[side], carried, carriage.reach, fps)
-    limit = np.min([_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0)
+    limit = np.min(
+        [_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0
+    )
     at_most = np.min([_highest(pos, root_quat, side, feet[side], _REACH) for side in SIDES], axis=0)
     width = max(1, round(_SETTLE_S * fps))
     limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
@@ -155,7 +158,7 @@ def _heel_raised(
     needed = np.zeros(len(carried))
     for pitch in _HEEL_RAD:
         tried = replace(foot, pitch_rad=np.maximum(foot.pitch_rad, pitch))
-        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch + _HEEL_RAD[1]
+        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch + 0.5 * _HEEL_RAD[1]
     needed *= np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
     frames = np.arange(len(needed))
     landed = np.maximum.accumulate(np.where(foot.planted, -10 * len(frames), frames))

@@ -21,7 +21,7 @@ _STRIDE_M = 0.5  # feet this far apart swing hips and arms fully
 _HEAD_HZ, _HEAD_DAMPING = 1.6, 0.65
 _ARM_HZ, _ARM_DAMPING = 1.8, 0.45
 _TRUNK_HZ, _TRUNK_DAMPING = 2.2, 0.6
-_LOOK_S = 0.55  # time in which a look moves to its next place
+_LOOK_S, _LEAN_S = 0.55, 0.9  # time in which a look and a lean of the trunk go to their next place
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,7 @@ class Carriage:
     lean: float = 0.0  # the trunk leans forward
     lean_into: float = 2.0  # into the way it goes, degrees per m/s
     left_behind: float = 1.2  # by the trunk as the pelvis speeds up, degrees per m/s²
+    posture: float = 2.5  # the trunk leans here and there in the course of a phrase, spread
     sway: float = 2.0  # of the trunk away from the standing leg
     head_still: float = 0.5  # share of the trunk's lean that the head takes back
     head_drag: float = 1.5  # of the head against the speeding up of the trunk, degrees per m/s²
@@ -105,6 +106,9 @@ def carry(
     roll = carriage.lean_into * support.velocity[:, 0] - carriage.left_behind * support.acceleration[:, 0]
     pitch, roll = (_followed(deg * values, fps, _TRUNK_HZ, _TRUNK_DAMPING) for values in (pitch, roll))
     roll = roll + carriage.sway * deg * support.load + carriage.shoulders_against * up
+    if rng is not None:
+        pitch = pitch + carriage.posture * deg * _looks(len(pitch), fps, rng, _LEAN_S)
+        roll = roll + 0.8 * carriage.posture * deg * _looks(len(roll), fps, rng, _LEAN_S)
     ch["bend"] = ch["bend"] + carriage.lean * deg + pitch
     ch["side"] = ch["side"] + roll
     _carry_head(ch, support, carriage, fps, rng)
@@ -122,7 +126,7 @@ def _carry_head(
     ch["tilt"] = ch["tilt"] + _late(tilt, fps, _HEAD_HZ, _HEAD_DAMPING)
     if rng is not None and carriage.looks:
         for name, share in (("look", 1.6), ("nod", 1.0), ("tilt", 0.8)):
-            ch[name] = ch[name] + share * carriage.looks * deg * _looks(len(nod), fps, rng)
+            ch[name] = ch[name] + share * carriage.looks * deg * _looks(len(nod), fps, rng, _LOOK_S)
 
 
 def _carry_arms(
@@ -170,11 +174,11 @@ def _late(values: Floats, fps: float, hz: float, damping: float) -> Floats:
     return spring_follow(values[:, None], fps, frequency_hz=hz, damping=damping)[:, 0]
 
 
-def _looks(n: int, fps: float, rng: np.random.Generator) -> Floats:
-    """Places that a look rests at, and eased ways between them, of spread about 1, (n,)."""
+def _looks(n: int, fps: float, rng: np.random.Generator, way_s: float) -> Floats:
+    """Places that a look or a lean rests at, and eased ways of `way_s` between them, of spread 1, (n,)."""
     ends = np.cumsum(rng.uniform(0.8, 3.2, int(n / fps / 0.8) + 2)) * fps
     places = np.append(0.0, rng.standard_normal(len(ends)).clip(-2.0, 2.0))
-    way = ease((np.arange(n)[:, None] - ends) / (_LOOK_S * fps))
+    way = ease((np.arange(n)[:, None] - ends) / (way_s * fps))
     return places[0] + way @ np.diff(places)
 
 

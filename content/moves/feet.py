@@ -26,8 +26,8 @@ _HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0
 
 _SHORTEST_S, _LONGEST_S = 0.14, 1.00  # a step's time in the air, at any tempo
 _UP_FIRST, _DOWN_LAST = 0.06, 0.04  # of a swing: vertical at its start and end
-_HEEL_OFF_S = 0.28  # the heel starts to rise this long before the ball leaves
-_HEEL_OFF_RAD = np.radians(38.0)  # for a step of _FAR_M or more
+_HEEL_OFF_S = 0.16  # the heel starts to rise this long before the ball leaves
+_HEEL_OFF_RAD = np.radians(28.0)  # for a step of _FAR_M or more
 _FAR_M = 0.40
 _HEEL_DOWN = 0.65  # of a swing: by then the foot is as it lands
 _STRIKE_RAD = np.radians(-15.0)  # toes up as the heel lands, after a step forward of _FAR_M or more

@@ -142,6 +142,7 @@ def _walk(
     balls = {side: _offset(side) for side in SIDES}  # where each foot stands
     steps: list[Step] = []
     stands = [(0.0, support, 0.0, 0.0)]
+    whole = 1.0 if rng is None else float(np.exp(manner.varies * rng.standard_normal()))
     share = steer_deg / max(1, sum(r.kind != "p" for r in relative))
     for r in relative:
         vary, sway = (0.0, 0.0) if rng is None else rng.standard_normal(2).clip(-1.8, 1.8)
@@ -157,7 +158,7 @@ def _walk(
         if abs(turn) > _PIVOTS_DEG:
             steps.append(_pivot(support, r.count, new_face, manner))
         sign = 1.0 if r.foot == "left" else -1.0
-        length = 1.0 + manner.varies * vary
+        length = whole * (1.0 + manner.varies * vary)
         way = np.array([sign * r.out_m, r.fwd_m]) * length
         way *= min(1.0, _FARTHEST_M / max(float(np.hypot(*way)), 1e-6))
         at = home + _turned(way, face + 0.5 * turn)

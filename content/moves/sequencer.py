@@ -14,8 +14,8 @@ from choreograph.motion.motion import Motion
 from content.moves.body import animate
 from content.moves.carriage import Carriage
 from content.moves.curves import Tempo
-from content.moves.figures import Figure, Manner
 from content.moves.feet import FootPath
+from content.moves.figures import Figure, Manner
 from content.moves.keyframes import PlacedMove, build_keyframes
 from content.moves.notation import Move, Side, varied
 

@@ -52,9 +52,9 @@ FIGURES = (
 )  # fmt: skip
 
 LATIN_ARMS = (
-    ("out", "chest"), ("low_out", "swing_in"), ("wide_up", "low_out"), ("out", "low_guard"), ("fwd", "out"),
-    ("head", "low_out"), ("low_guard", "out"), ("across", "out"), ("chest", "hold_out"), ("second", "first"),
-    ("hold_out", "across"),
+    ("out", "chest"), ("low_out", "swing_in"), ("hold_out", "low_guard"), ("hold_out", "across"),
+    ("guard", "low_out"), ("head", "hold_out"), ("low_guard", "out"), ("chest", "hold_out"), ("second", "first"),
+    ("hold_out", "guard"), ("elbow_out", "low_guard"),
 )  # fmt: skip
 
 MANNER = Manner(
@@ -66,7 +66,7 @@ CHA_CHA = Genre(
     "cha-cha", figures=FIGURES, manner=MANNER, sharpness=0.5, bounce=0.8, half_time_from_bpm=168.0,
     size=1.1, steer_deg=30.0,
     carriage=Carriage(
-        to_go=0.9, through=0.7, reach=0.997, stoop_m=-0.005, give_m=0.005, hip_up=9.0, hip_out_m=0.03,
-        hip_with_feet=30.0, chest_against=0.4, shoulders_against=1.2, lean_into=3.0, looks=7.0, arm_play=6.0,
+        to_go=0.9, through=0.7, reach=0.997, stoop_m=-0.005, give_m=0.005, hip_up=11.0, hip_out_m=0.03,
+        hip_with_feet=26.0, chest_against=0.4, shoulders_against=1.2, lean_into=3.0, head_still=1.8, looks=9.0, arm_play=6.0,
     ),
 )  # fmt: skip

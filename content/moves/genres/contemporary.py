@@ -5,6 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from content.moves.arm_poses import Arm
+from content.moves.carriage import Carriage
+from content.moves.figures import Manner
+from content.moves.genres.travelling_figures import CONTEMPORARY_FIGURES
 from content.moves.notation import Bounce, Move, both_sides, kick, pivot, pose, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -263,7 +266,21 @@ CONTEMPORARY = Genre(
         REACH, BODY_ROLL, LUNGE, CONTRACTION, SPIRAL_TURN, TILT, PLIE_SWEEP, SWING_DROP, WALKING_MELT,
         ARM_CIRCLE, FALL_AND_CATCH,
     ),
-    size=0.85,  # slow counts make it bigger again
+    size=1.0,
     sharpness=0.2,
     half_time_from_bpm=126.0,
+    figures=CONTEMPORARY_FIGURES,
+    manner=Manner(
+        arms=(
+            ("second", "fifth"), ("reach", "reach_back"), ("first", "second"), ("wide_up", "low_out"),
+            ("fifth", "second"), ("across", "out"), ("en_bas", "reach"), ("second", "first"), ("up", "second"),
+        ),
+        changes=(1.0, 2.0, 2.0), flow=0.6, twist_deg=10.0, side_deg=6.0, swing=1.0, glides=True, lift_m=0.05,
+        varies=0.25, turns_vary_deg=12.0,
+    ),
+    steer_deg=30.0,
+    carriage=Carriage(
+        to_go=0.7, through=0.5, reach=0.996, stoop_m=0.0, give_m=0.01, hip_up=5.0, hip_out_m=0.02,
+        hip_with_feet=20.0, chest_against=0.7, looks=10.0, arm_swing=14.0, arm_play=8.0,
+    ),
 )  # fmt: skip

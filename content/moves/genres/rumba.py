@@ -53,9 +53,9 @@ MANNER = Manner(
 )  # fmt: skip
 
 RUMBA = Genre(
-    "rumba", figures=FIGURES, manner=MANNER, sharpness=0.3, bounce=0.0, size=1.1, steer_deg=30.0,
+    "rumba", figures=FIGURES, manner=MANNER, sharpness=0.3, bounce=0.0, size=1.0, steer_deg=30.0,
     carriage=Carriage(
-        to_go=0.7, through=0.6, reach=0.9985, stoop_m=-0.01, give_m=0.0, hip_up=10.0, hip_out_m=0.035,
-        hip_with_feet=32.0, chest_against=0.4, shoulders_against=1.3, lean_into=3.0, looks=8.0, arm_play=7.0,
+        to_go=0.7, through=0.6, reach=0.9985, stoop_m=-0.01, give_m=0.0, hip_up=12.0, hip_out_m=0.035,
+        hip_with_feet=32.0, chest_against=0.4, shoulders_against=1.3, lean_into=3.0, head_still=1.8, looks=9.0, arm_play=7.0,
     ),
 )  # fmt: skip

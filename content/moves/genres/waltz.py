@@ -72,21 +72,22 @@ MANNER = Manner(
     varies=0.25,
     turns_vary_deg=10.0,
     swaps_arms=False,
-    levels_m=(0.035, -0.02, -0.045),
-    ball_deg=30.0,
-    twist_deg=4.0,
-    side_deg=2.0,
+    levels_m=(0.02, -0.02, -0.045),
+    ball_deg=20.0,
+    twist_deg=6.0,
+    side_deg=5.0,
     toe_out_deg=8.0,
     swing=0.98,
     glides=True,
-    lift_m=0.06,
+    lift_m=0.05,
 )
 
 WALTZ = Genre(
     "waltz", figures=FIGURES, manner=MANNER, bar=3, sharpness=0.2, bounce=0.0, size=1.25, steer_deg=30.0,
     carriage=Carriage(
-        to_go=1.0, through=0.9, reach=0.999, stoop_m=-0.01, give_m=0.0, lean=-15.0, hip_up=5.0, sway=-4.0,
-        head_still=-0.3, hip_with_feet=10.0, chest_against=-0.3, arm_swing=0.0, arm_drag_s=0.01,
-        arm_throw=0.3, arm_play=1.2, looks=11.0,
+        to_go=0.9, through=0.85, reach=0.996, stoop_m=-0.01, give_m=0.005, hip_up=6.5, hip_out_m=0.03,
+        hip_with_feet=4.0, posture=4.0, chest_against=0.6, shoulders_against=0.2, lean=-15.0, lean_into=3.3, left_behind=1.7,
+        sway=-6.0, head_still=-0.75, head_drag=2.1, looks=13.5, arm_swing=0.0, arm_drag_s=0.01, arm_throw=0.3,
+        arm_play=1.2,
     ),
 )  # fmt: skip
