@@ -27,7 +27,7 @@ from content.moves.notation import SIDES, Bounce, Move, Pose, Side, Step, other,
 
 # A foot's ball from the middle of its home, as in `keyframes`.
 HOME_SIDE_M, HOME_FWD_M = 0.10, 0.09
-_FARTHEST_M = 0.58  # of one step
+_FARTHEST_M = 0.54  # of one step
 _PIVOTS_DEG = 12.0  # from this turn on the standing foot turns along
 _STEP = re.compile(r"([\d.]+) ([LR]) (-?\d+) (-?\d+)((?: (?:@-?\d+|k\d+|[bthfps]))*)")
 ArmPair = tuple[str, str]  # names of the poses of the left and the right arm
@@ -59,6 +59,7 @@ class Manner:
     bounce: Bounce = Bounce(0.0)
     twist_deg: float = 6.0  # the chest turns to the foot that goes, the other way
     side_deg: float = 3.0  # and leans over the foot that stands
+    groove_deg: float = 0.0  # chest and head go down on each count and up between two
     look_deg: float = 14.0  # the head turns to where the step goes
     toe_out_deg: float = 12.0
     swing: float = 0.85  # counts in the air
@@ -142,7 +143,7 @@ def _walk(
     balls = {side: _offset(side) for side in SIDES}  # where each foot stands
     steps: list[Step] = []
     stands = [(0.0, support, 0.0, 0.0)]
-    whole = 1.0 if rng is None else float(np.exp(manner.varies * rng.standard_normal()))
+    whole = 1.0 if rng is None else float(np.exp(manner.varies * rng.standard_normal(1)[0].clip(-1.6, 0.9)))
     share = steer_deg / max(1, sum(r.kind != "p" for r in relative))
     for r in relative:
         vary, sway = (0.0, 0.0) if rng is None else rng.standard_normal(2).clip(-1.8, 1.8)
@@ -216,6 +217,9 @@ def _poses(
             "drop": manner.levels_m[(count - 1) % len(manner.levels_m)],
             "twist": -manner.twist_deg * sign,
             "side": manner.side_deg * sign,
+            "bend": manner.groove_deg,
+            "nod": 0.7 * manner.groove_deg,
+            "arch": -0.5 * manner.groove_deg,
             "look": float(np.clip(manner.look_deg * (out / 0.3 + turn / 60.0), -45.0, 45.0)),
         }
         arms: dict[str, str] = {}
@@ -227,6 +231,9 @@ def _poses(
             next_arms = count - 1 + (1.0 if rng is None else float(rng.choice(manner.changes)))
             index += 1
         poses[count] = pose(flow=manner.flow, **arms, **values)
+        if manner.groove_deg:
+            up = -0.4 * manner.groove_deg
+            poses[count - 0.5] = pose(bend=up, nod=0.7 * up, arch=-1.2 * up, flow=0.3)
     for count, more in figure.poses.items():
         base = poses.get(count, more)
         poses[count] = replace(base, values={**base.values, **more.values}, arms={**base.arms, **more.arms})

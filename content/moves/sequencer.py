@@ -21,6 +21,7 @@ from content.moves.notation import Move, Side, varied
 
 STAGE_M = 2.0  # soft limit of the distance of a home from the middle
 _EASY_S = 0.5  # duration of a count at which steps have their written size
+_LARGEST = 1.25  # at larger sizes, kicks and lunges are out of reach
 _AFTER_S = 0.6  # length of a take after its last beat
 
 
@@ -191,7 +192,7 @@ def _phrase(
         phrase.append(
             PlacedMove(
                 move, mirrored, at, origin, yaw,
-                size=genre.size * fast * (0.75 + 0.4 * lively),
+                size=float(np.clip(genre.size * fast * (0.75 + 0.4 * lively), 0.6, _LARGEST)),
                 sharpness=float(np.clip(genre.sharpness + 0.5 * (lively - 0.5), 0.0, 1.0)),
                 bounce=genre.bounce * (0.75 + 0.5 * lively),
             )

@@ -14,7 +14,7 @@ MANNER = Manner(
         ("fwd", "elbow_back"), ("chest", "low_out"), ("roll_high", "roll_low"), ("pump_high", "pump_low"),
         ("loose", "swing_out"), ("wide_up", "hip"),
     ),
-    changes=(1.0, 1.0, 2.0), flow=0.25, bounce=Bounce(0.028, "down"), twist_deg=10.0, side_deg=5.0, swing=0.8,
+    changes=(1.0, 1.0, 2.0), flow=0.25, bounce=Bounce(0.028, "down"), twist_deg=10.0, groove_deg=6.0, side_deg=5.0, swing=0.8,
     lift_m=0.07, varies=0.22, turns_vary_deg=10.0,
 )  # fmt: skip
 

@@ -290,7 +290,7 @@ HIP_HOP = Genre(
             ("loose", "swing_out"), ("low_guard", "guard"), ("swing_fwd", "swing_back"), ("low_out", "low_guard"),
             ("chest", "low_out"), ("pump_low", "guard"), ("out", "low_guard"), ("hip", "loose"),
         ),
-        changes=(1.0, 1.0, 2.0), bounce=Bounce(0.032, "down"), twist_deg=9.0, side_deg=5.0, swing=0.9, lift_m=0.06,
+        changes=(1.0, 1.0, 2.0), bounce=Bounce(0.032, "down"), twist_deg=9.0, groove_deg=8.0, side_deg=5.0, swing=0.9, lift_m=0.06,
         varies=0.22, turns_vary_deg=10.0,
     ),
     steer_deg=30.0,

@@ -14,7 +14,7 @@ MANNER = Manner(
         ("chest", "low_out"), ("wide_up", "hip"), ("head", "low_out"), ("across", "out"), ("low_out", "chest"),
         ("hip", "loose"), ("fwd", "elbow_back"), ("clap_open", "clap_open"), ("pump_low", "guard"),
     ),
-    changes=(1.0, 1.0, 2.0), flow=0.5, bounce=Bounce(0.022, "down"), twist_deg=9.0, side_deg=5.0, swing=0.9,
+    changes=(1.0, 1.0, 2.0), flow=0.5, bounce=Bounce(0.022, "down"), twist_deg=9.0, groove_deg=5.0, side_deg=5.0, swing=0.9,
     lift_m=0.055, varies=0.22, turns_vary_deg=10.0,
 )  # fmt: skip
 
