@@ -27,7 +27,7 @@ _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("lef
 _REACH = 0.9965  # of a leg's length: nearer to straight, a leg does not quite reach its foot
 _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
-_SETTLE_S = 0.10  # over this time the pelvis is lowered into the reach of the legs
+_SETTLE_S = 0.05  # over this time the pelvis is lowered into the reach of the legs
 _HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 21.0, 2.5)), 0.05
 _FLAT_S = 0.3  # after a foot has landed
 _HEEL_DOWN_S = 0.2  # after a foot has left
@@ -154,11 +154,11 @@ def _pelvis_pos(
 def _heel_raised(
     wanted: Floats, root_quat: Floats, side: str, foot: FootPath, carried: Floats, reach: float, fps: float
 ) -> FootPath:
-    """The foot on its ball as far as a pelvis at `wanted` (T, 3) needs, while it carries less than the other."""
+    """The foot on its ball as far as a pelvis at `wanted` (T, 3) needs, while it carries less."""
     needed = np.zeros(len(carried))
     for pitch in _HEEL_RAD:
         tried = replace(foot, pitch_rad=np.maximum(foot.pitch_rad, pitch))
-        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch + 0.5 * _HEEL_RAD[1]
+        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch
     needed *= np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
     frames = np.arange(len(needed))
     landed = np.maximum.accumulate(np.where(foot.planted, -10 * len(frames), frames))

@@ -1,6 +1,6 @@
 """How a body carries its weight: what hips, trunk, head and arms do that no step says.
 
-The steps give where the feet are and who of them stands. From these follow, in this order, the hips, the
+The steps give where the feet are and which of them stands. From these follow, in this order, the hips, the
 trunk over them, the head, and the arms. What hangs on a part follows it with delay and swings through, as a
 damped spring. All amounts are of a `Carriage`, which is fitted to real dancing by genre.
 """
@@ -64,7 +64,7 @@ class Support:
 
 
 def support_of(load: Floats, feet_m: Floats, spot_m: Floats, facing: Floats, fps: float) -> Support:
-    """The support of a load (T,), balls of the feet (2, T, 3), a path on the floor (T, 2), and a facing (T,)."""
+    """The support of a load (T,), balls (2, T, 3), a path on the floor (T, 2) and a facing (T,)."""
     smooth = gaussian_filter1d(spot_m, _SMOOTH_S * fps, axis=0, mode="nearest")
     velocity = np.gradient(smooth, axis=0) * fps
     cos, sin = np.cos(facing), np.sin(facing)
@@ -92,7 +92,7 @@ def carry(
     fps: float,
     rng: np.random.Generator | None,
 ) -> None:
-    """Add to the channels of `body` what follows from the support. Without `rng`, nothing is left to chance."""
+    """Add to the channels of `body` what follows from the support. Without `rng`, nothing is random."""
     stride = np.tanh(support.stride_m / _STRIDE_M)
     deg = np.pi / 180.0
     up = carriage.hip_up * deg * support.load

@@ -30,6 +30,7 @@ HOME_SIDE_M, HOME_FWD_M = 0.10, 0.09
 _FARTHEST_M = 0.54  # of one step
 _PIVOTS_DEG = 12.0  # from this turn on the standing foot turns along
 _STEP = re.compile(r"([\d.]+) ([LR]) (-?\d+) (-?\d+)((?: (?:@-?\d+|k\d+|[bthfps]))*)")
+LEVEL = Bounce(0.0)
 ArmPair = tuple[str, str]  # names of the poses of the left and the right arm
 
 
@@ -56,7 +57,7 @@ class Manner:
     flow: float = 0.5  # of arms through their poses
     levels_m: tuple[float, ...] = (0.0,)  # the pelvis is lower by this on each count of a bar
     ball_deg: float = 22.0  # how high heels rise
-    bounce: Bounce = Bounce(0.0)
+    bounce: Bounce = LEVEL
     twist_deg: float = 6.0  # the chest turns to the foot that goes, the other way
     side_deg: float = 3.0  # and leans over the foot that stands
     groove_deg: float = 0.0  # chest and head go down on each count and up between two

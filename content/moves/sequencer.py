@@ -21,8 +21,9 @@ from content.moves.notation import Move, Side, varied
 
 STAGE_M = 2.0  # soft limit of the distance of a home from the middle
 _EASY_S = 0.5  # duration of a count at which steps have their written size
-_LARGEST = 1.25  # at larger sizes, kicks and lunges are out of reach
+_LARGEST, _LARGEST_FIGURE = 1.25, 1.4  # at larger sizes, kicks and lunges are out of reach
 _AFTER_S = 0.6  # length of a take after its last beat
+_MANNER, _CARRIAGE = Manner(), Carriage()
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,13 @@ class Genre:
     name: str
     moves: tuple[Move, ...] = ()
     figures: tuple[Figure, ...] = ()
-    manner: Manner = Manner()  # of its figures
+    manner: Manner = _MANNER  # of its figures
     steer_deg: float = 20.0  # spread of the turn that is added to a figure
     bar: int = 4  # counts
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
     bounce: float = 1.0
-    carriage: Carriage = Carriage()
+    carriage: Carriage = _CARRIAGE
     # From this tempo on, moves are danced with two beats per count.
     half_time_from_bpm: float = 400.0
 
@@ -97,7 +98,7 @@ def render(
     rng: np.random.Generator | None,
     fps: float = 60.0,
     duration_s: float | None = None,
-    carriage: Carriage = Carriage(),
+    carriage: Carriage = _CARRIAGE,
 ) -> RenderedTake:
     """Render placed moves, each starting where and when the previous one ended.
 
@@ -177,6 +178,7 @@ def _phrase(
         return []
     times = 2 if written.counts <= genre.bar and rng.random() < 0.5 else 1
     phrase: list[PlacedMove] = []
+    largest = _LARGEST_FIGURE if isinstance(written, Figure) else _LARGEST
     at = count
     for _ in range(times):
         before = phrase[-1] if phrase else placed[-1] if placed else None
@@ -192,7 +194,7 @@ def _phrase(
         phrase.append(
             PlacedMove(
                 move, mirrored, at, origin, yaw,
-                size=float(np.clip(genre.size * fast * (0.75 + 0.4 * lively), 0.6, _LARGEST)),
+                size=float(np.clip(genre.size * fast * (0.75 + 0.4 * lively), 0.6, largest)),
                 sharpness=float(np.clip(genre.sharpness + 0.5 * (lively - 0.5), 0.0, 1.0)),
                 bounce=genre.bounce * (0.75 + 0.5 * lively),
             )

@@ -23,7 +23,7 @@ class Way:
 
 
 def styled(genre: Genre, way: Way) -> Genre:
-    """The genre in a way. Hers has more of the hips and the head, and a narrower stance; a frame is exchanged."""
+    """The genre in a way. Hers has more of the hips and the head, and the other side of a frame."""
     carriage, manner = genre.carriage, genre.manner
     if way.styling == "hers":
         carriage = replace(
@@ -68,7 +68,9 @@ def finish(genre: Genre) -> Move:
         {
             1: pose(twist=-8, side=3, look=12, left="chest", right="low_out", flow=0.4),
             2: pose(twist=10, side=5, hip_side=0.02, look=24, nod=-6, arch=6, left="wide_up", right="hip"),
-            genre.bar + 1: pose(twist=12, side=6, hip_side=0.025, look=22, nod=-8, arch=8, left="wide_up", right="hip"),
+            genre.bar + 1: pose(
+                twist=12, side=6, hip_side=0.025, look=22, nod=-8, arch=8, left="wide_up", right="hip"
+            ),
             n: pose(twist=11, side=5, hip_side=0.02, look=20, nod=-5, arch=6, left="wide_up", right="hip"),
         },
         Bounce(0.0),

@@ -17,7 +17,10 @@ POP = replace(
     swing=0.0,
     duck=0.25,
     lanes=(
-        Lane("kick", ("X.....x.X.......", "X..x....X.x.....", "X...x...X...x..."), enters=0.34, db=-4.5, send=0.0),
+        Lane(
+            "kick", ("X.....x.X.......", "X..x....X.x.....", "X...x...X...x..."),
+            enters=0.34, db=-4.5, send=0.0,
+        ),
         Lane("snare", ("....X.......X...", "....X.......X..o"), enters=0.34, db=-7.0, send=0.18),
         Lane("hat", ("x.x.x.x.x.x.x.x.", "x.o.x.o.x.o.x.o."), enters=0.45, db=-10.0, pan=0.2),
         Lane("clap", ("....x.......x...",), enters=0.85, db=-12.0, send=0.25),
@@ -30,7 +33,7 @@ POP = replace(
 
 DANCED: dict[str, SongStyle] = {
     **{name: STYLES[name] for name in (
-        "house", "hip-hop", "contemporary", "disco", "funk", "cha-cha", "rumba", "salsa", "tango", "swing",
+        "house", "hip-hop", "contemporary", "disco", "funk", "cha-cha", "rumba", "tango", "swing",
     )},
     "pop": POP,
     "waltz": replace(STYLES["waltz"], bpm=(84.0, 120.0)),
