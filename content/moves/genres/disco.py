@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from content.moves.carriage import Carriage
 from content.moves.figures import Manner
-from content.moves.genres.street_figures import HOPS, WALKS
+from content.moves.genres.street_figures import street
 from content.moves.notation import Bounce, Move, Pose, heel, kick, pivot, pose, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -233,7 +233,7 @@ DISCO = Genre(
     ),
     size=1.15,
     sharpness=0.4,
-    figures=(*WALKS, *HOPS),
+    figures=street("step touch", "grapevine", "three step turn", "jazz square", "kick step"),
     manner=Manner(
         arms=(
             ("loose", "swing_out"),

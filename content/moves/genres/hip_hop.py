@@ -5,7 +5,7 @@ from __future__ import annotations
 from content.moves.arm_poses import Arm
 from content.moves.carriage import Carriage
 from content.moves.figures import Manner
-from content.moves.genres.street_figures import HOPS, WALKS
+from content.moves.genres.street_figures import street
 from content.moves.notation import Bounce, Move, Side, Step, ball, kick, other, pose, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -292,7 +292,7 @@ HIP_HOP = Genre(
     size=1.15,
     sharpness=0.42,
     bounce=1.1,
-    figures=(*WALKS, *HOPS),
+    figures=street("running man", "kick ball change"),
     manner=Manner(
         arms=(
             ("loose", "swing_out"),

@@ -9,7 +9,7 @@ from dataclasses import replace
 from content.moves.arm_poses import Arm
 from content.moves.carriage import Carriage
 from content.moves.figures import Manner
-from content.moves.genres.street_figures import HOPS, WALKS
+from content.moves.genres.street_figures import street
 from content.moves.keyframes import HOME_FWD_M, HOME_SIDE_M
 from content.moves.notation import Bounce, Move, Pose, Step, ball, heel, kick, pivot, pose, press, step, touch
 from content.moves.sequencer import Genre
@@ -308,7 +308,7 @@ HOUSE = Genre(
     size=1.15,
     sharpness=0.45,
     bounce=1.1,
-    figures=(*WALKS, *HOPS),
+    figures=street("pas de bourrée", "scissors"),
     manner=Manner(
         arms=(
             ("loose", "swing_out"),

@@ -7,6 +7,13 @@ from content.moves.notation import pose
 
 _LOW = {c: pose(drop=0.06, bend=8) for c in (1, 2)}
 
+
+
+def street(*without: str) -> tuple[Figure, ...]:
+    """The walks and hops, without those that a genre has as moves of its own."""
+    return tuple(figure for figure in (*WALKS, *HOPS) if figure.name not in without)
+
+
 WALKS = (
     Figure("walk forward", 4, "1 L 0 40; 2 R 0 40; 3 L 0 36; 4 R 4 8 t"),
     Figure("walk back", 4, "1 L 0 -36; 2 R 0 -36; 3 L 2 -32; 4 R 4 -6 t"),
