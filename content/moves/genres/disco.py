@@ -257,6 +257,7 @@ DISCO = Genre(
     ),
     steer_deg=30.0,
     carriage=Carriage(
+        posture=3.8,
         to_go=0.5,
         through=0.5,
         reach=0.996,
@@ -266,7 +267,7 @@ DISCO = Genre(
         hip_out_m=0.02,
         hip_with_feet=20.0,
         chest_against=0.7,
-        looks=10.0,
+        looks=11.0,
         arm_swing=14.0,
         arm_play=8.0,
     ),

@@ -8,7 +8,6 @@ from content.moves.notation import pose
 _LOW = {c: pose(drop=0.06, bend=8) for c in (1, 2)}
 
 
-
 def street(*without: str) -> tuple[Figure, ...]:
     """The walks and hops, without those that a genre has as moves of its own."""
     return tuple(figure for figure in (*WALKS, *HOPS) if figure.name not in without)
