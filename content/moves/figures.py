@@ -2,7 +2,7 @@
 
 A figure is written from the standing foot of each step, so that it travels, turns and follows any other ::
 
-    Figure("whisk", 3, "1 L 0 38; 2 R 30 14 b; 3 L -24 -8 b")
+    Figure("whisk", 3, "1 L 0 38, 2 R 30 14 b, 3 L -24 -8 b")
 
 Each step has its count, its foot, how far it goes outwards and forward in cm from the place beside the
 standing foot, then in any order: `@-45` turns the body 45 degrees to the right on the way, and a letter says
@@ -90,7 +90,7 @@ class Figure:
     @cached_property
     def relative(self) -> tuple[RelativeStep, ...]:
         """The steps in order of count."""
-        return tuple(sorted((self._read(line) for line in self.steps.split(";")), key=lambda s: s.count))
+        return tuple(sorted((self._read(line) for line in self.steps.split(",")), key=lambda s: s.count))
 
     def _read(self, line: str) -> RelativeStep:
         found = _STEP.fullmatch(line.strip())

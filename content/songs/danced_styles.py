@@ -9,7 +9,7 @@ from choreograph.music.synthesis.style import Lane, SongStyle
 
 _HOUSE = STYLES["house"]
 
-# A chart song: drums of a band, the parts of a club song, chords that everybody knows.
+# A chart song has the drums of a band, the parts of a club song, and the most usual chords.
 POP = replace(
     _HOUSE,
     name="pop",

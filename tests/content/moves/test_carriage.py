@@ -16,7 +16,7 @@ from content.moves.sequencer import render, sequence_moves
 
 COUNTS_S = 1.0 + 0.5 * np.arange(16)
 NONE = Carriage(**{f.name: 0.0 for f in fields(Carriage) if f.name not in ("reach", "to_go", "through")})
-WALK = Figure("walk", 4, "1 L 0 40; 2 R 0 40; 3 L 0 40; 4 R 0 40").move()
+WALK = Figure("walk", 4, "1 L 0 40, 2 R 0 40, 3 L 0 40, 4 R 0 40").move()
 
 
 def joint_m(carriage: Carriage, name: str, *, seed: int | None = None) -> np.ndarray:

@@ -20,7 +20,7 @@ from content.songs.danced_styles import DANCED
 from content.starter_takes import WAYS
 
 every_genre = pytest.mark.parametrize("genre", GENRES.values(), ids=lambda genre: genre.name)
-SQUARE = Figure("square", 4, "1 L 0 40 @90; 2 R 0 40 @90; 3 L 0 40 @90; 4 R 0 40 @90")
+SQUARE = Figure("square", 4, "1 L 0 40 @90, 2 R 0 40 @90, 3 L 0 40 @90, 4 R 0 40 @90")
 
 
 def test_a_line_is_read() -> None:
@@ -31,21 +31,21 @@ def test_a_line_is_read() -> None:
     assert Figure("kick", 1, "1 L 2 40 k22").relative[0].height_m == 0.22
 
 
-@pytest.mark.parametrize("line", ["1 X 0 40", "L 0 40", "1 L 0", "1 L 0 40 z", "1 L 0 40; "])
+@pytest.mark.parametrize("line", ["1 X 0 40", "L 0 40", "1 L 0", "1 L 0 40 z", "1 L 0 40, "])
 def test_a_line_that_cannot_be_read_is_an_error(line: str) -> None:
     with pytest.raises(ParameterError, match="expected a step such as"):
         Figure("wrong", 4, line)
 
 
 def test_steps_add_up() -> None:
-    walk = Figure("walk", 2, "1 L 0 40; 2 R 0 40").move(Manner())
+    walk = Figure("walk", 2, "1 L 0 40, 2 R 0 40").move(Manner())
     assert walk.travel == pytest.approx((0.0, 0.8, 0.0))
     assert SQUARE.move(Manner()).travel[2] == pytest.approx(360.0)
     assert walk.free_foot == "left" and walk.first_foot == "left"
 
 
 def test_weight_comes_back_to_where_a_foot_stands() -> None:
-    rock = Figure("rock", 2, "1 L 0 -30; 2 R 0 0 p").move(Manner())
+    rock = Figure("rock", 2, "1 L 0 -30, 2 R 0 0 p").move(Manner())
     assert rock.travel == pytest.approx((0.0, 0.0, 0.0)) and rock.free_foot == "left"
 
 
