@@ -26,6 +26,7 @@ _QUICK = (
     0.49  # counts: a foot that carries the body for less does not get it over itself, as on a swung "and"
 )
 _TURNS_THROUGH = 0.4  # a turn on the counts, at this share of its mean speed
+_WIDEST_M = 0.86  # from one ball to the other
 _WAITS = 0.5  # counts that a free foot stays behind before it follows
 _CLEAR_M, _WIDEST_BOW_M = 0.17, 0.30  # from one ball to the other as a foot passes
 _LOAD_TO_GO = 0.3  # share of the weight that moves to a foot after it lands
@@ -153,12 +154,13 @@ def _add_step(
     standing = plants[s.foot][-1]
     yaw = facing[-1][1][0] if s.face is None else p.yaw_rad + np.radians(s.face)
     x, z, foot_yaw = _foot_place(s.foot, p.to_world(s.at), yaw, s.toe_out)
-    ball = standing.ball_m if s.in_place else (x, z)
+    across = plants["right" if s.foot == "left" else "left"][-1]
+    ball = standing.ball_m if s.in_place else _within_reach((x, z), across.ball_m)
     foot_yaw = standing.yaw_rad if s.face is None else foot_yaw
     turn = rot.rotate(rot.about_y(p.yaw_rad), np.array([s.bow[0], 0.0, s.bow[1]]))
     bow = (turn[0], turn[2])
     if s.bow == (0.0, 0.0) and not s.in_place:
-        bow = _around(standing.ball_m, ball, plants["right" if s.foot == "left" else "left"][-1], s.foot, yaw)
+        bow = _around(standing.ball_m, ball, across, s.foot, yaw)
     lift = s.lift * (0.6 + 0.4 * p.size)
     # It does not leave before the other foot has landed and taken the weight.
     since = count - loads[-1].count
@@ -180,6 +182,13 @@ def _add_step(
     facing.append((count, (yaw,)))
     on_left = s.weight if s.foot == "left" else 1.0 - s.weight
     loads.append(_weight_shift(count, on_left, plants, facing[-1][1][0]))
+
+
+def _within_reach(ball_m: tuple[float, float], other_m: tuple[float, float]) -> tuple[float, float]:
+    """A place on the way to `ball_m` that legs reach from the other foot."""
+    way = np.array(ball_m) - other_m
+    x, z = other_m + way * min(1.0, _WIDEST_M / max(float(np.hypot(*way)), 1e-9))
+    return float(x), float(z)
 
 
 def _around(
