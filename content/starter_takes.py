@@ -65,7 +65,7 @@ def take_specs() -> Iterator[TakeSpec]:
             bpm = round(float(low + share * (high - low)), 1)
             length_s = DURATION_S if part == "whole" else SHORT_S
             yield TakeSpec(
-                f"{genre.replace(' ', '-').lower()}-{i + 1:02d}", genre, bpm, 100 * number + i, length_s,
+                f"{genre.replace(' ', '-').lower()}-{i + 1:02d}", genre, bpm, 60 * number + i, length_s,
                 WAYS[i % len(WAYS)], part,
             )  # fmt: skip
 

@@ -29,6 +29,7 @@ _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on strai
 _GLIDE_S = 0.03  # smooths the path of the weight
 _SETTLE_S = 0.05  # over this time the pelvis is lowered into the reach of the legs
 _HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 21.0, 2.5)), 0.05
+_FLAT_RAD = 1e-3  # a foot that turns less is flat
 _FLAT_S = 0.3  # after a foot has landed
 _HEEL_DOWN_S = 0.2  # after a foot has left
 _BENT_RAD = 0.07  # of thigh and shin, from which a leg is bent or stretched
@@ -166,6 +167,7 @@ def _heel_raised(
     last = np.maximum.accumulate(np.where(foot.planted, frames, 0))  # in the air, as it left
     needed = needed[last] * (1.0 - ease((frames - last) / (_HEEL_DOWN_S * fps)))
     needed = gaussian_filter1d(needed, _HEEL_S * fps, mode="nearest")
+    needed[needed < _FLAT_RAD] = 0.0
     pitch = np.where(needed > foot.pitch_rad, needed, foot.pitch_rad)
     return replace(foot, pitch_rad=pitch, flat=foot.flat & (needed < 1e-9))
 
