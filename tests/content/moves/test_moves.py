@@ -71,7 +71,8 @@ def test_planted_feet_stand_still_on_the_floor(name: str, size: float) -> None:
         for joint, still in (("foot", path.planted), ("ankle", path.flat)):
             place = pos[:, motion.skeleton.index(f"{side}_{joint}")]
             speed = np.linalg.norm(np.diff(place, axis=0), axis=1) * motion.fps
-            assert speed[still[1:] & still[:-1]].max() < 0.02
+            stays = speed[still[1:] & still[:-1]]  # a foot may be on its ball throughout
+            assert not len(stays) or stays.max() < 0.02
         ball_y = pos[path.planted, motion.skeleton.index(f"{side}_foot"), 1]
         np.testing.assert_allclose(ball_y, 0.015, atol=0.003)
 
