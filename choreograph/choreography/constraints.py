@@ -174,15 +174,16 @@ class Ban:
             _check_motif(self)
         _check_names(self, *(name for name in BANNED_NAMES if getattr(self, name) is not None))
 
-    def excludes(self, take: str, credits: Credits) -> bool:
-        """Whether the take of this name is excluded."""
-        return self.take == take or any(
-            getattr(self, name) == getattr(credits, name) for name in BANNED_NAMES if name != "take"
-        )
-
     def __str__(self) -> str:
         kind, name = next((k, v) for k, v in vars(self).items() if v is not None)
         return f"{kind}:{name}"
+
+
+def excludes(ban: Ban, take: str, credits: Credits) -> bool:
+    """Whether a ban excludes the take of this name."""
+    return ban.take == take or any(
+        getattr(ban, name) == getattr(credits, name) for name in BANNED_NAMES if name != "take"
+    )
 
 
 def check_times(constraint: object, *names: str) -> None:

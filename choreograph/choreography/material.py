@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from choreograph.choreography.constraints import Constraints
+from choreograph.choreography.constraints import Constraints, excludes
 from choreograph.choreography.genres import genre_note, likely_genres
 from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
 from choreograph.core.counts import Counts, make_counts
@@ -90,7 +90,9 @@ def choose_material(
     if constraints.genre is None and constraints.signature is None:
         goals, notes = _likely_goals(song_features, repertoire, constraints)
         bans = constraints.bans
-        takes = np.array([not any(ban.excludes(t.name, t.credits) for ban in bans) for t in repertoire.takes])
+        takes = np.array(
+            [not any(excludes(ban, t.name, t.credits) for ban in bans) for t in repertoire.takes]
+        )
         if goals:
             takes = np.any([goal.takes_among(takes) for goal in goals], axis=0)
         counts, metre_notes = _counts_of_takes(

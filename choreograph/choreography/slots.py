@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, TakePin
+from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, TakePin, excludes
 from choreograph.choreography.material import Material
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
@@ -250,7 +250,7 @@ def resolve_bans(
         elif ban.motif is not None:
             motif_banned[_checked_motif(ban.motif, n_motifs)] = True
         else:
-            excluded = np.array([ban.excludes(take.name, take.credits) for take in repertoire.takes])
+            excluded = np.array([excludes(ban, take.name, take.credits) for take in repertoire.takes])
             if not excluded.any():
                 raise _unknown_in_credits(ban, repertoire)
             take_allowed[excluded] = False

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph.choreography.constraints import Ban, Constraints, MotifPin, TakePin
+from choreograph.choreography.constraints import Ban, Constraints, MotifPin, TakePin, excludes
 from choreograph.choreography.edits import (
     EditRequest,
     EditSlots,
@@ -294,7 +294,7 @@ class Editor:
         if ban.motif is None:
             for block in self.plan.blocks:
                 planned = block.planned
-                if planned.take and ban.excludes(planned.take, planned.credits):
+                if planned.take and excludes(ban, planned.take, planned.credits):
                     spans_s.append((block.start_s, block.end_s))
         else:
             motifs = danced_motifs(self.motion, self.bounds_s, self.repertoire)

@@ -289,7 +289,7 @@ def test_arguments_of_other_engines_are_refused(with_motifs, song):
         cg.dance(song, with_motifs, engine="mixer", config=cg.DanceConfig(planner="motion-graph"))
     with pytest.raises(ParameterError, match="steam"):
         cg.dance(song, with_motifs, engine="steam")
-    with pytest.raises(ParameterError, match="one take, genre or motif"):
+    with pytest.raises(ParameterError, match="one take, genre, performer, licence or motif"):
         cg.Ban()
 
 
