@@ -35,11 +35,10 @@ class PassageSlots:
 
     def with_end(self, n_counts: int) -> tuple[PassageSlots, PassageSlots]:
         """The passage without its last counts, and these counts as another passage of the same place."""
-        middle = self.stop - n_counts
-        label, index, _ = self.place or (0, 0, 0)
+        middle, place = self.stop - n_counts, self.place
         return (
-            PassageSlots(self.start, middle, self.place and (label, index, middle - self.start)),
-            PassageSlots(middle, self.stop, self.place and (label, -1 - index, n_counts), self.ends),
+            PassageSlots(self.start, middle, place and (place[0], place[1], middle - self.start)),
+            PassageSlots(middle, self.stop, place and (place[0], -1 - place[1], n_counts), self.ends),
         )
 
 

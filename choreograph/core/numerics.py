@@ -289,11 +289,9 @@ def _add_content(value: object, add: Callable[[Any], None]) -> None:
         add(np.ascontiguousarray(value).data.cast("B") if value.size else b"")
     elif isinstance(value, bytes):
         add(f"b{len(value)}:".encode() + value)
-    elif value is None or isinstance(value, str | int | float | np.generic):
+    elif value is None or isinstance(value, str | int | float | np.generic | PurePath):
         text = f"{type(value).__name__}{value!r}"
         add(f"{len(text)}:{text}".encode())
-    elif isinstance(value, PurePath):
-        _add_content(["path", str(value)], add)
     elif isinstance(value, Mapping):
         _add_content(list(value.items()), add)
     elif isinstance(value, tuple | list):

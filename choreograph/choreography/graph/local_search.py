@@ -242,15 +242,13 @@ class _Noise:
         n_factors = max(_N_FACTORS, 2 * max((cost.size for cost in edge_cost), default=0))
         return _Noise(1.0 + np.float32(_NOISE) * rng.standard_normal(n_factors, np.float32), rng)
 
-    def changed(self, cost: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Costs with a random change in proportion to each."""
-        first = int(self.rng.integers(len(self.factors) - cost.size))
-        factors = self.factors[first : first + cost.size]
-        return cost * factors.reshape(cost.shape)
-
 
 def _changed(cost: NDArray[np.floating], noise: _Noise | None) -> NDArray[np.floating]:
-    return cost if noise is None else noise.changed(cost)
+    """Costs with a random change in proportion to each, or as they are without noise."""
+    if noise is None:
+        return cost
+    first = int(noise.rng.integers(len(noise.factors) - cost.size))
+    return cost * noise.factors[first : first + cost.size].reshape(cost.shape)
 
 
 @dataclass(frozen=True, eq=False)
