@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import lru_cache
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +28,9 @@ def forward(
     pos_m[:, 0] = np.reshape(root_pos_m, (-1, 3))
     global_quat[:, 0] = local[:, 0]
     order = np.fromiter(range(1, n_joints) if joints is None else joints, np.int64)
-    _compiled()(skeleton.parents, skeleton.offsets_m, order, local, pos_m, global_quat)
+    rot.compiled(_forward_kinematics)(skeleton.parents, skeleton.offsets_m, order, local, pos_m, global_quat)
     pos_m, global_quat = pos_m.reshape(*shape, n_joints, 3), global_quat.reshape(*shape, n_joints, 4)
     return pos_m, global_quat
-
-
-@lru_cache(maxsize=1)
-def _compiled() -> Callable[..., None]:
-    """`_forward_kinematics`, compiled at its first call, since numba takes a third of a second to import."""
-    from choreograph.core.kernel_cache import njit
-
-    return njit(nogil=True)(_forward_kinematics)
 
 
 def _forward_kinematics(
@@ -73,10 +64,27 @@ def _forward_kinematics(
 
 def to_local(skeleton: Skeleton, global_quat: Floats) -> Floats:
     """Local rotations (..., J, 4) from world rotations (..., J, 4)."""
-    local = np.array(global_quat, dtype=np.float64)
-    parents = skeleton.parents[1:]
-    local[..., 1:, :] = rot.multiply(rot.invert(global_quat[..., parents, :]), global_quat[..., 1:, :])
-    return local
+    world = np.require(global_quat, np.float64, ["C", "W"]).reshape(-1, skeleton.n_joints, 4)  # (T, J, 4)
+    local = np.empty(world.shape)
+    rot.compiled(_local_rotations)(skeleton.parents, world, local)
+    return local.reshape(global_quat.shape)
+
+
+def _local_rotations(
+    parents: NDArray[np.int64], global_quat: Floats, local_quat: Floats
+) -> None:  # pragma: no cover - compiled
+    """Set local rotations (T, J, 4). They are those of `rotations.multiply` and `rotations.invert`."""
+    for t in range(len(global_quat)):
+        for k in range(4):
+            local_quat[t, 0, k] = global_quat[t, 0, k]
+        for joint in range(1, len(parents)):
+            w, x, y, z = global_quat[t, parents[joint]]
+            x, y, z = -x, -y, -z
+            bw, bx, by, bz = global_quat[t, joint]
+            local_quat[t, joint, 0] = w * bw - x * bx - y * by - z * bz
+            local_quat[t, joint, 1] = w * bx + x * bw + y * bz - z * by
+            local_quat[t, joint, 2] = w * by - x * bz + y * bw + z * bx
+            local_quat[t, joint, 3] = w * bz + x * by - y * bx + z * bw
 
 
 # Two-bone IK: analytic inverse kinematics of a leg or an arm, all frames at once.

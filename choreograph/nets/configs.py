@@ -249,6 +249,8 @@ def density_config(preset: str, **changes: Any) -> DensityConfig:
 
 
 WORD_DIM = 184  # of embeddings
+_MANY_WORDS = 1000  # from which on all steps of a preset are trained: 100 passes of the preset small
+_FEWEST_STEPS = 300  # unless the preset has fewer
 
 
 @dataclass(frozen=True)
@@ -286,9 +288,17 @@ _WORD_PRESETS = {
 }
 
 
-def word_config(preset: str, **changes: Any) -> WordConfig:
-    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
-    return config_from_preset(_WORD_PRESETS, preset, changes)
+def word_config(preset: str, *, n_words: int | None = None, **changes: Any) -> WordConfig:
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field.
+
+    A training on fewer than 1,000 words (`n_words`) has proportionally fewer steps, but at least 300. More
+    passes over few words hardly change how near the words are that the network finds in other takes.
+    """
+    config = config_from_preset(_WORD_PRESETS, preset, changes)
+    if n_words is None or "steps" in changes:
+        return config
+    fewer = max(_FEWEST_STEPS, round(config.steps * n_words / _MANY_WORDS))
+    return replace(config, steps=min(config.steps, fewer))
 
 
 # Sizes and training of the rollout network: `paper`, `small` (two CPU cores), `tiny` (tests).

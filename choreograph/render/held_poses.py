@@ -31,6 +31,7 @@ _KNEES_M = 0.012  # how far the knees give way where the weight is on one side
 _ARMS_RAD = 0.04  # how far the arms give way to the breath
 _LIFTED_M = 0.03  # a foot that is higher is put down
 _STRETCH = 0.995  # of the leg, at most, to reach the floor
+_BESIDE_FRAMES = 64  # for a spline, in which the effect of a frame falls to a quarter with every other one
 _APART_M = 0.11  # ankles do not come closer to each other
 
 
@@ -46,10 +47,10 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
     moved = np.flatnonzero(played_s != times_s)
     if len(moved) == 0:
         return motion
-    frames = np.clip(played_s[moved] * motion.fps, 0.0, motion.n_frames - 1)
-    held = motion.sampled_smooth(frames)
     root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
-    root_pos_m[moved], local_quat[moved] = held.root_pos_m, held.local_quat
+    for part in np.split(moved, np.flatnonzero(np.diff(moved) > 1) + 1):
+        held = _played(motion, np.clip(played_s[part] * motion.fps, 0.0, motion.n_frames - 1))
+        root_pos_m[part], local_quat[part] = held.root_pos_m, held.local_quat
     rot.make_continuous(local_quat, out=local_quat)
     if opening_s > 0:
         from_s, to_s = setting_off_s(opening_s)
@@ -60,6 +61,16 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
         share = _speed(_since(times_s, from_s, to_s))
         _hold(motion, root_pos_m, local_quat, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
     return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
+
+
+def _played(motion: Motion, frames: Floats) -> Motion:
+    """The poses at fractional `frames` (T',) by cubic splines through the frames beside them.
+
+    A frame that is further away than these changes a spline by less than the rounding of its values.
+    """
+    first = max(0, int(frames.min()) - _BESIDE_FRAMES)
+    part = motion.sliced(first, min(motion.n_frames, int(frames.max()) + _BESIDE_FRAMES))
+    return part.sampled_smooth(frames - first)
 
 
 def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float) -> Motion:

@@ -9,9 +9,10 @@ import pytest
 from synthetic_layers import random_source
 
 import choreograph as cg
+from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
 from choreograph.choreography.graph.costs import Front, Variety
-from choreograph.choreography.graph.local_search import CheapNodes, _Noise, cheapest, including
+from choreograph.choreography.graph.local_search import CheapNodes, _Noise
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
@@ -132,21 +133,6 @@ def test_without_costs_of_the_path_nothing_is_searched():
     assert CheapNodes.of(nodes, costs, song_features).improved(path).tolist() == path.tolist()
 
 
-def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
-    monkeypatch.setattr("choreograph.choreography.graph.local_search.N_CHEAP", 3)
-    layer = random_source(0)[0].layer(4)
-    reached = np.full(layer.n_nodes, np.inf)
-    reached[[1, 3, 6, 7]] = 4.0, 1.0, 2.0, 3.0
-    few, cost = cheapest(layer, np.arange(layer.n_nodes, dtype=float), reached)
-    assert cost.tolist() == [3.0, 6.0, 7.0]
-    one = layer.subset(np.array([1]))
-    key = one.segment[0], one.offset[0]
-    (with_node, its_cost), index = including((few, cost), *key, lambda: (one, np.array([9.0])))
-    assert index == 3 and its_cost.tolist() == [3.0, 6.0, 7.0, 9.0]
-    assert with_node.segment.tolist() == layer.segment[[3, 6, 7, 1]].tolist()
-    assert including((few, cost), layer.segment[6], layer.offset[6], lambda: None)[1] == 1
-
-
 def test_usage_of_the_rest_counts_as_much_as_that_of_the_beginning():
     """A beginning that the path changes costs what the whole changed path costs more."""
     cheap, *_ = searched(2, n_seconds=6, k=3, n_motifs=3)
@@ -191,21 +177,3 @@ def test_a_cost_of_the_path_without_a_lower_bound_has_no_bound():
     assert (
         plan_exact(source, [WeightedCost(Growing(), 1.0)], song_features, with_bound=True).least_total is None
     )
-
-
-def test_cheap_nodes_do_not_copy_what_all_nodes_of_a_second_have():
-    """What a path counts has a column for every motif, take and returning moment of the song."""
-    moments = [((0, 0.5),), ((1, 0.5),), *[()] * 4]
-    source, _ = random_source(0, n_motifs=5, tie_break_s=np.array([0.0, 0.1]), moments=moments)
-    layer = source.layer(3)
-    few = layer.subset(np.array([4, 1, 2]))
-    (joined, _), _ = including((few, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
-    for nodes in (few, joined):
-        for name, n_columns in (("motif_counts", 5), ("take_usage_s", 2), ("danced", 2)):
-            values = getattr(nodes, name)
-            assert values.shape == (nodes.n_nodes, n_columns) and values.strides[0] == 0
-    np.testing.assert_array_equal(joined.clip, np.append(layer.clip[[4, 1, 2]], source.node(0).clip))
-    counted = few.with_motif_counts(few.motif_counts)
-    (joined, _), _ = including((counted, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
-    np.testing.assert_array_equal(joined.motif_counts[:3], counted.motif_counts)
-    assert counted.motif_counts.any() and not joined.motif_counts[3].any()

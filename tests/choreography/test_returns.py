@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
+from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes
 from choreograph.choreography.graph.layers import MIDDLE, positions
-from choreograph.choreography.graph.local_search import CheapNodes, including
+from choreograph.choreography.graph.local_search import CheapNodes
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy
 from choreograph.choreography.graph.returns import FormCost, Returns
 from choreograph.core.counts import Counts, numbers_in_bar

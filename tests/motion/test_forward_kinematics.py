@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.motion import rotations as rot
-from choreograph.motion.kinematics import forward
+from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
@@ -38,6 +38,11 @@ def test_the_numbers_are_those_of_the_quaternion_functions(n_joints, shape):
     for made, expected in zip(forward(skeleton, root, quat), by_joints(skeleton, root, quat), strict=True):
         assert made.dtype == np.float64
         np.testing.assert_array_equal(made, expected)
+    local = quat.copy()
+    for joint in range(1, n_joints):
+        parent = quat[..., skeleton.parents[joint], :]
+        local[..., joint, :] = rot.multiply(rot.invert(parent), quat[..., joint, :])
+    np.testing.assert_array_equal(to_local(skeleton, quat), local)
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])

@@ -143,3 +143,34 @@ def test_signs_are_made_continuous_in_place():
     np.testing.assert_array_equal(quat, kept)
     assert rot.make_continuous(quat, out=quat) is quat
     np.testing.assert_array_equal(quat, expected)
+
+
+@pytest.mark.parametrize("shape", [(700, 5), (7, 3, 2), (4000,)])
+def test_kernels_give_the_same_numbers(shape, monkeypatch):
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(size=(2, *shape, 4))
+    a[0] = 0.0  # becomes the identity
+
+    def results():
+        in_place = b.copy()
+        rot.make_continuous(in_place, out=in_place)
+        part = b[..., ::-1, :]  # not contiguous
+        return [
+            rot.multiply(a, b), rot.normalize(a), rot.make_continuous(b), in_place, rot.make_continuous(part),
+            rot.multiply(part, a), rot.multiply(a, rot.IDENTITY),
+        ]  # fmt: skip
+
+    monkeypatch.setattr(rot, "_MANY", 1)
+    compiled = results()
+    monkeypatch.setattr(rot, "_MANY", 1 << 40)
+    for ours, plain in zip(compiled, results(), strict=True):
+        np.testing.assert_array_equal(ours, plain)
+    assert rot.make_continuous(b).flags.writeable and not np.array_equal(b, compiled[2])
+
+
+def test_kernels_read_arrays_that_cannot_be_written(monkeypatch):
+    monkeypatch.setattr(rot, "_MANY", 1)
+    fixed = quats(0, (9, 2))
+    fixed.flags.writeable = False
+    assert np.allclose(rot.multiply(fixed, rot.invert(fixed)), rot.IDENTITY)
+    assert np.allclose(rot.normalize(rot.make_continuous(fixed)), rot.make_continuous(fixed))

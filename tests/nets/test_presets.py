@@ -22,3 +22,10 @@ def test_configurations_do_not_import_torch():
     modules = "choreograph.nets.configs"
     code = f"import sys, {modules}; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_few_words_are_trained_in_fewer_steps():
+    steps = [word_config("small", n_words=n_words).steps for n_words in (20, 500, 1000, 10**6)]
+    assert steps == [300, 400, 800, 800]
+    assert word_config("tiny", n_words=20).steps == word_config("tiny").steps
+    assert word_config("small", n_words=20, steps=7).steps == 7

@@ -15,7 +15,7 @@ from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.music.danced_span import held_times_s
-from choreograph.render.held_poses import hold_ends, played_times_s
+from choreograph.render.held_poses import _played, hold_ends, played_times_s
 
 FPS = 60.0
 LENGTH_S = 8.0
@@ -132,3 +132,18 @@ def test_a_first_count_within_the_first_frames_leaves_no_pose_to_hold():
 def test_a_last_count_at_the_very_end_is_eased_into():
     at_s = played_s(0.0, LENGTH_S)
     assert np.diff(at_s)[-1] * FPS < 0.5 and at_s[-1] <= TIMES_S[-1]
+
+
+def test_held_poses_of_a_long_dance_are_those_of_splines_through_all_of_it():
+    """Only the frames near the held poses are read. Those far away change nothing that can be written."""
+    motion = swaying(3000, fps=FPS)
+    opening_s, closing_s = 2.0, 47.0
+    played = played_times_s(np.arange(motion.n_frames) / FPS, opening_s, closing_s)
+    moved = np.flatnonzero(played != np.arange(motion.n_frames) / FPS)
+    frames = np.clip(played[moved] * FPS, 0.0, motion.n_frames - 1)
+    expected = motion.sampled_smooth(frames)
+    for part in np.split(np.arange(len(moved)), np.flatnonzero(np.diff(moved) > 1) + 1):
+        ours = _played(motion, frames[part])
+        np.testing.assert_allclose(ours.root_pos_m, expected.root_pos_m[part], atol=1e-15)
+        np.testing.assert_allclose(ours.local_quat, expected.local_quat[part], atol=1e-15)
+    assert len(moved) < 600

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
 from choreograph.choreography.graph.layers import (
-    ARRAYS,
     MIDDLE,
     USAGE_DECAY_S,
     Layer,
@@ -27,7 +26,6 @@ from choreograph.choreography.graph.returns import FormCost
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
 
-N_CHEAP = 128  # nodes of each second that are searched
 _MOST_STARTS = 6  # random changes of the best path, from each of which the search starts again
 _IN_VAIN = 3  # starts without a gain, after which there is no other
 _NOISE = 0.3  # standard deviation of a random change of a cost, as a share of it
@@ -62,8 +60,9 @@ class CheapNodes:
         nodes: Sequence[tuple[Layer, NDArray[np.float64]]],
         costs: Sequence[WeightedCost],
         song_features: SongFeatures,
+        edge_cost: Sequence[NDArray[np.float32]] | None = None,
     ) -> CheapNodes:
-        """Evaluate the costs of edges between the nodes of every second, given with their costs (N,).
+        """The nodes of every second, given with their costs (N,), and with those of edges if they are known.
 
         The search is compiled if all costs that depend on the path are built-in ones.
         """
@@ -73,13 +72,13 @@ class CheapNodes:
         node_cost = [cost for _, cost in nodes]
         # The costs of the first node that depend on the path are evaluated with the path.
         node_cost[0] = node_cost[0] - _first_cost(layers[0], of_path, song_features)
-        edge_cost = tuple(edge_costs(here, there, fixed, song_features) for here, there in pairwise(layers))
-        kinds = [type(weighted.cost) for weighted in of_path]
-        compiled = len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED)
+        if edge_cost is None:
+            edge_cost = [edge_costs(here, there, fixed, song_features) for here, there in pairwise(layers)]
+        compiled = is_compiled(of_path)
         kind = _CompiledNodes if compiled else CheapNodes
         if compiled:
             layers, of_path = _with_few_columns(layers, of_path)
-        return kind(layers, tuple(node_cost), edge_cost, of_path, song_features)
+        return kind(layers, tuple(node_cost), tuple(edge_cost), of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
         """The cheapest path found, as the index (S,) of its node in each second: `path` or a cheaper one."""
@@ -180,44 +179,6 @@ class CheapNodes:
         return total[parent, np.arange(layer.n_nodes)], parent, with_history(layer, before, parent)
 
 
-def cheapest(
-    layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]
-) -> tuple[Layer, NDArray[np.float64]]:
-    """The `N_CHEAP` nodes of a layer that are reached (N,) at the least cost, and their node costs."""
-    nodes = np.sort(np.argsort(reached, kind="stable")[:N_CHEAP])
-    nodes = nodes[np.isfinite(reached[nodes])]
-    return layer.subset(nodes), node_cost[nodes]
-
-
-def including(
-    nodes: tuple[Layer, NDArray[np.float64]],
-    segment: int,
-    offset: int,
-    make: Callable[[], tuple[Layer, NDArray[np.float64]]],
-) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
-    """The nodes of a second with another one, which is made unless they contain it, and its index."""
-    layer, cost = nodes
-    found = np.flatnonzero((layer.segment == segment) & (layer.offset == offset))
-    if len(found) == 0:
-        one, its_cost = make()
-        return (_joined([layer, one]), np.append(cost, its_cost)), len(cost)
-    return nodes, int(found[0])
-
-
-def _joined(parts: Sequence[Layer]) -> Layer:
-    """The nodes of several layers of one second, in order."""
-    n_nodes = sum(part.n_nodes for part in parts)
-
-    def joined(name: str) -> NDArray[Any]:
-        values = [getattr(part, name) for part in parts]
-        rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0 or len(of_part) == 1]
-        if len(rows) < len(parts) or any(row.tobytes() != rows[0].tobytes() for row in rows):
-            return np.concatenate(values)
-        return repeated(rows[0][0], n_nodes)  # one row of all nodes, as `subset` leaves it
-
-    return changed_layer(parts[0], **{name: joined(name) for name in ARRAYS})
-
-
 def _first_cost(
     layer: Layer, of_path: Sequence[WeightedCost], song_features: SongFeatures
 ) -> NDArray[np.float64]:
@@ -294,6 +255,12 @@ class _Rest:
 
 
 # The same search, compiled for the built-in costs that depend on the path.
+
+
+def is_compiled(of_path: Sequence[WeightedCost]) -> bool:
+    """Whether the search with these costs that depend on the path is compiled."""
+    kinds = [type(weighted.cost) for weighted in of_path]
+    return len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED)
 
 
 def _with_few_columns(

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from choreograph.choreography.graph.cheap_nodes import CheapSoFar
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs, weighted_terms
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.graph.forward import N_THREADS, Steps
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.graph.local_search import CheapNodes, cheapest, including, with_history
+from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import AnyInts
@@ -59,12 +59,10 @@ def plan_exact(
     Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
     wrong shape, or an edge below its own lower bound.
     """
-    keys, total, cheap_nodes = _search(source, costs, song_features, report)
     of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
-    if of_path:
-        nodes = _improved(keys, cheap_nodes, source, costs, song_features)
-    else:
-        nodes = [source.node(key) for key in keys]
+    cheap = CheapSoFar(source, costs, song_features) if of_path else None
+    keys, total = _search(source, costs, song_features, cheap, report)
+    nodes = [source.node(key) for key in keys] if cheap is None else _improved(cheap, keys)
     path = _path_with_costs(nodes, costs, song_features)
     if not with_bound:
         return path
@@ -79,12 +77,14 @@ def _search(
     source: LayerSource,
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
+    cheap: CheapSoFar | None = None,
     report: StepReport | None = None,
-) -> tuple[list[int], float, list[tuple[Layer, NDArray[np.float64]]]]:
-    """The keys of a path by dynamic programming, its cost, and the cheap nodes of every second."""
+) -> tuple[list[int], float]:
+    """The keys of a path by dynamic programming, and its cost. `cheap` keeps nodes of every second."""
     layer, reached = allowed_nodes(source.layer(0), costs, song_features)
     greedy: _GreedyPath | None = _GreedyPath(layer, reached)
-    cheap_nodes = [cheapest(layer, reached, reached)]
+    if cheap is not None:
+        cheap.add(layer, reached, reached)
     layer = with_history(layer, layer)
     node_keys = [_node_keys(layer)]
     parents: list[NDArray[np.int32]] = []
@@ -99,7 +99,8 @@ def _search(
                 greedy = None
             # Nodes that cannot be reached keep their place, with infinite cost, so that indices agree.
             reached = best + node_cost
-            cheap_nodes.append(cheapest(following, node_cost, reached))
+            if cheap is not None:
+                cheap.add(following, node_cost, reached)
             layer = with_history(following, layer, parent)
             node_keys.append(_node_keys(layer))
             parents.append(parent.astype(np.int32))
@@ -107,33 +108,13 @@ def _search(
                 report(second + 1, source.n_seconds)
     keys = _backtrack(parents, node_keys, int(np.argmin(reached)))
     if greedy is not None and greedy.total < reached.min():
-        return greedy.keys, greedy.total, cheap_nodes
-    return keys, float(reached.min()), cheap_nodes
+        return greedy.keys, greedy.total
+    return keys, float(reached.min())
 
 
-def _improved(
-    keys: Sequence[int],
-    cheap_nodes: Sequence[tuple[Layer, NDArray[np.float64]]],
-    source: LayerSource,
-    costs: Sequence[WeightedCost],
-    song_features: SongFeatures,
-) -> list[Layer]:
-    """The nodes of the path with these `keys`, or of a cheaper one through cheap nodes of every second."""
-    searched, path = [], []
-    for key, nodes in zip(keys, cheap_nodes, strict=True):
-        segment, offset = divmod(key, SEGMENT_S)
-        make = partial(_allowed_node, source, key, costs, song_features)
-        with_node, index = including(nodes, segment, offset, make)
-        searched.append(with_node)
-        path.append(index)
-    found = CheapNodes.of(searched, costs, song_features).improved(np.array(path))
-    return [layer.subset(slice(node, node + 1)) for (layer, _), node in zip(searched, found, strict=True)]
-
-
-def _allowed_node(
-    source: LayerSource, key: int, costs: Sequence[WeightedCost], song_features: SongFeatures
-) -> tuple[Layer, NDArray[np.float64]]:
-    return allowed_nodes(source.node(key), costs, song_features)
+def _improved(cheap: CheapSoFar, keys: Sequence[int]) -> list[Layer]:
+    """`CheapSoFar.improved`, a stage of its own in `tests/benchmarks`."""
+    return cheap.improved(keys)
 
 
 def plan_greedy(

@@ -310,8 +310,12 @@ class LayerSource:
     def node(self, key: int) -> Layer:
         """The one node with segment × 4 + offset = `key`, without building its whole layer."""
         segment, offset = divmod(key, SEGMENT_S)
-        start, rank = divmod(segment, self._segments.clip.shape[1])
-        return self._in_dance(self._nodes(np.array([start]), np.array([offset]), np.array([rank])))
+        return self.nodes(np.array([segment]), np.array([offset]))
+
+    def nodes(self, segment: AnyInts, offset: AnyInts) -> Layer:
+        """The nodes of one second with these values (N,) of `Layer.segment` and `Layer.offset`."""
+        start, rank = np.divmod(segment, self._segments.clip.shape[1])
+        return self._in_dance(self._nodes(start, offset, rank))
 
     def _borders(self, start: AnyInts, offset: AnyInts, rank: AnyInts) -> _Borders:
         """The bodies at both borders of the nodes of `_nodes`."""

@@ -291,10 +291,12 @@ def train_word_network(
     from choreograph.nets.configs import word_config
     from choreograph.nets.words import train_word_net
 
-    if "words" in pretrained.kept or sum(len(take.words) for take in takes) < FEWEST_WORDS:
+    n_words = sum(len(take.words) for take in takes)
+    if "words" in pretrained.kept or n_words < FEWEST_WORDS:
         return pretrained.nets.get("words")
     net = train_word_net(
-        [take.to_word_take() for take in takes], word_config(options.preset, **_changes(options)),
+        [take.to_word_take() for take in takes],
+        word_config(options.preset, n_words=n_words, **_changes(options)),
         seed=options.seed, context=context, pretrained=pretrained.weights("words"),
     )  # fmt: skip
     return _stored(net)

@@ -1,0 +1,122 @@
+"""The cheapest nodes of every second, which a search keeps for `local_search`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs
+from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, repeated
+from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
+from choreograph.choreography.graph.segments import LayerSource
+from choreograph.core.timebase import SEGMENT_S
+from choreograph.music.song_features import SongFeatures
+
+N_CHEAP = 128  # nodes of each second that are searched
+_MOST_WHOLE_S = 600  # of a dance whose nodes are kept with their poses: 85 MB
+_OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")
+
+_Nodes = tuple[Layer, NDArray[np.float64]]  # nodes of a second, and the costs (N,) of each
+
+
+class CheapSoFar:
+    """The cheapest nodes of the seconds that a search has reached, and the costs of edges between them.
+
+    The nodes of a long dance are kept without their poses, from which only the costs of edges follow.
+    """
+
+    def __init__(
+        self, source: LayerSource, costs: Sequence[WeightedCost], song_features: SongFeatures
+    ) -> None:
+        self._source, self._costs, self._song_features = source, costs, song_features
+        self._fixed = [weighted for weighted in costs if not weighted.cost.of_path]
+        of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
+        self._has_poses = source.n_seconds <= _MOST_WHOLE_S or not is_compiled(of_path)
+        self._nodes: list[_Nodes] = []
+        self._edge_cost: list[NDArray[np.float32]] = []
+        self._last: Layer | None = None  # with its poses
+
+    def add(self, layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]) -> None:
+        """Keep the cheapest nodes of the next second: see `cheapest`."""
+        nodes, cost = cheapest(layer, node_cost, reached)
+        if self._last is not None:
+            self._edge_cost.append(edge_costs(self._last, nodes, self._fixed, self._song_features))
+        self._last = nodes
+        self._nodes.append((nodes if self._has_poses else _without_poses(nodes), cost))
+
+    def improved(self, keys: Sequence[int]) -> list[Layer]:
+        """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second."""
+        path = [self._include(second, key) for second, key in enumerate(keys)]
+        cheap = CheapNodes.of(self._nodes, self._costs, self._song_features, self._edge_cost)
+        found = cheap.improved(np.array(path))
+        if self._has_poses:
+            rows = zip(self._nodes, found.tolist(), strict=True)
+            return [layer.subset(slice(node, node + 1)) for (layer, _), node in rows]
+        return [
+            self._source.node(int(layer.segment[node] * SEGMENT_S + layer.offset[node]))
+            for (layer, _), node in zip(self._nodes, found.tolist(), strict=True)
+        ]
+
+    def _include(self, second: int, key: int) -> int:
+        """The index of the node `key` among those of a second, to which it is added if it is missing."""
+        segment, offset = divmod(key, SEGMENT_S)
+        nodes = self._nodes[second]
+        self._nodes[second], index = including(nodes, segment, offset, partial(self._allowed_node, key))
+        if self._nodes[second] is not nodes:
+            for before in range(max(0, second - 1), min(second + 1, len(self._edge_cost))):
+                here, there = (self._with_poses(self._nodes[at][0]) for at in (before, before + 1))
+                self._edge_cost[before] = edge_costs(here, there, self._fixed, self._song_features)
+        return index
+
+    def _allowed_node(self, key: int) -> _Nodes:
+        node, cost = allowed_nodes(self._source.node(key), self._costs, self._song_features)
+        return node if self._has_poses else _without_poses(node), cost
+
+    def _with_poses(self, layer: Layer) -> Layer:
+        return layer if self._has_poses else self._source.nodes(layer.segment, layer.offset)
+
+
+def _without_poses(layer: Layer) -> Layer:
+    return changed_layer(layer, **{name: np.zeros((layer.n_nodes, 0), np.float32) for name in _OF_EDGES})
+
+
+def cheapest(
+    layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]
+) -> tuple[Layer, NDArray[np.float64]]:
+    """The `N_CHEAP` nodes of a layer that are reached (N,) at the least cost, and their node costs."""
+    nodes = np.sort(np.argsort(reached, kind="stable")[:N_CHEAP])
+    nodes = nodes[np.isfinite(reached[nodes])]
+    return layer.subset(nodes), node_cost[nodes]
+
+
+def including(
+    nodes: tuple[Layer, NDArray[np.float64]],
+    segment: int,
+    offset: int,
+    make: Callable[[], tuple[Layer, NDArray[np.float64]]],
+) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
+    """The nodes of a second with another one, which is made unless they contain it, and its index."""
+    layer, cost = nodes
+    found = np.flatnonzero((layer.segment == segment) & (layer.offset == offset))
+    if len(found) == 0:
+        one, its_cost = make()
+        return (_joined([layer, one]), np.append(cost, its_cost)), len(cost)
+    return nodes, int(found[0])
+
+
+def _joined(parts: Sequence[Layer]) -> Layer:
+    """The nodes of several layers of one second, in order."""
+    n_nodes = sum(part.n_nodes for part in parts)
+
+    def joined(name: str) -> NDArray[Any]:
+        values = [getattr(part, name) for part in parts]
+        rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0 or len(of_part) == 1]
+        if len(rows) < len(parts) or any(row.tobytes() != rows[0].tobytes() for row in rows):
+            return np.concatenate(values)
+        return repeated(rows[0][0], n_nodes)  # one row of all nodes, as `subset` leaves it
+
+    return changed_layer(parts[0], **{name: joined(name) for name in ARRAYS})
