@@ -67,8 +67,10 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
         for side in SIDES
     }
     before_m, before_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
-    before = {side: (before_m[:, roles[f"{side}_ankle"]], before_quat[:, feet[side]]) for side in SIDES}
-    del before_quat  # a long dance is large
+    before = {
+        side: (before_m[:, roles[f"{side}_ankle"]].copy(), before_quat[:, feet[side]]) for side in SIDES
+    }
+    del before_m, before_quat  # a long dance is large
     root_pos_m = _scaled_path(motion.root_pos_m, scale, motion.fps)
     moved_m, global_quat = forward(skeleton, root_pos_m, _scaled_turns(motion.local_quat, scale, motion.fps))
     for side, (ankle_m, foot_quat) in before.items():

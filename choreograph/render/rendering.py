@@ -11,7 +11,7 @@ import numpy as np
 
 from choreograph.core.arguments import as_stage_m, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics
+from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
@@ -241,11 +241,15 @@ def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
         whole = hold_ends(whole, plan.opening_s, plan.closing_s)
         return hold_stops(whole, plan.stops_s, STOP_EASE_S)
 
+    contacts: Floats | None = None
+    if plan.lock_feet and plan.amplitudes:  # first, so that two motions of a long dance are not kept at once
+        contacts = _contacts(held(motion), joins, plan.opening_s, plan.closing_s)
     sized = held(with_amplitudes(motion, plan.amplitudes))
-    if not plan.lock_feet:
-        return sized
-    touching = held(motion) if plan.amplitudes else sized
-    return lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, touching)
+    return (
+        lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, contacts)
+        if plan.lock_feet
+        else sized
+    )
 
 
 def lock_feet_at_joins(
@@ -253,16 +257,21 @@ def lock_feet_at_joins(
     joins: Joins,
     opening_s: float = 0.0,
     closing_s: float | None = None,
-    touching: Motion | None = None,
+    contacts: Floats | None = None,
 ) -> Motion:
-    """The motion with its feet locked where they touch the floor, or where those of `touching` do.
+    """The motion with its feet locked where they touch the floor, or by other `contacts` (T, 4).
 
     They are locked firmly near joins between the held poses.
     """
+    contacts = _contacts(motion, joins, opening_s, closing_s) if contacts is None else contacts
+    return lock_feet(motion, contacts, shift_s=joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
+
+
+def _contacts(motion: Motion, joins: Joins, opening_s: float, closing_s: float | None) -> Floats:
+    """Contacts (T, 4) of a motion with held poses, between which those near joins are of its takes."""
     from_s = setting_off_s(opening_s)[1]
     to_s = motion.duration_s if closing_s is None else coming_to_rest_s(opening_s, closing_s)[0]
-    contacts = joins.contacts(motion if touching is None else touching, from_s, to_s)
-    return lock_feet(motion, contacts, shift_s=joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
+    return joins.contacts(motion, from_s, to_s)
 
 
 def _check_existing(plan: Plan, existing: Motion | None) -> None:
