@@ -35,10 +35,10 @@ from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
 from choreograph.music.synthesis.song import STYLES, TempoMap
-from choreograph.nets.count_phases import (
+from choreograph.nets.count_phases import MotionCountsNet
+from choreograph.nets.motion_counts import (
     POINTER,
     MotionCountsConfig,
-    MotionCountsNet,
     confidence_features,
     motion_counts_config,
 )
@@ -160,9 +160,9 @@ def shuffled(take: CountedMotion) -> CountedMotion:
 
 def calibration(net: MotionCountsNet, takes: Iterable[CountedMotion]) -> list[tuple[Floats, float]]:
     """Features of each take's counts by a network, and the share of these counts that is right."""
-    rows = []
+    rows, counter = [], net.for_inference()
     for take in takes:
-        curves = net.curves(take.body_pos_m)
+        curves = counter.curves(take.body_pos_m)
         pointed = decode_counts(curves, POINTER)
         rows.append((confidence_features(curves, pointed), share_right(pointed.counts, take.counts)))
     return rows

@@ -47,7 +47,7 @@ from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.mel import log_mel
 from choreograph.music.song_features import music_density
-from choreograph.nets.count_phases import motion_counts_config
+from choreograph.nets.motion_counts import motion_counts_config
 from content.networks import RecordedTake, Trial, built_in_takes, recorded_takes, trained
 from research.uncertain_counts import HELD_OUT, Reading, recounted
 
@@ -70,8 +70,9 @@ def hidden_readings(recorded: Sequence[RecordedTake], seed: int, work: Path) -> 
     net = trained(trial, motion_counts_config("small"), seed, work)
     weights = pretrained_set("research")["motion_counts"].arrays.weights["confidence_weights"]
     net.confidence_weights.copy_(torch.from_numpy(weights.astype(np.float32)))
-    readings = [Reading.of(net, take) for take in trial.test]
-    return [replace(r, confidence=net.counts(r.take.body_pos_m).confidence) for r in readings]
+    counter = net.for_inference()
+    readings = [Reading.of(counter, take) for take in trial.test]
+    return [replace(r, confidence=counter.counts(r.take.body_pos_m).confidence) for r in readings]
 
 
 def hidden_dances(

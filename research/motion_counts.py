@@ -46,7 +46,7 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import autocorrelations, log_mel
 from choreograph.music.song import load_song
-from choreograph.nets.count_phases import (
+from choreograph.nets.motion_counts import (
     POINTER,
     TEMPI,
     confidence_features,
@@ -105,7 +105,7 @@ class Reading:
 
 def read_by(trial: Trial, config, seed: int, work: Path) -> list[Reading]:
     """The trial's takes, counted by its network, and the same takes shuffled, which show what no count is."""
-    net = trained(trial, config, seed, work)
+    net = trained(trial, config, seed, work).for_inference()
     readings = []
     for take in [*trial.test, *(map(shuffled, trial.test) if trial.name != ALONE else ())]:
         curves = {1: net.curves(take.body_pos_m, (1.0,)), len(TEMPI): net.curves(take.body_pos_m)}

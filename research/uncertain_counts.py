@@ -50,9 +50,9 @@ from choreograph.library.writing import write_repertoire
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_uncertainty, decode_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
-from choreograph.nets.count_phases import (
+from choreograph.nets.motion_counts import (
     POINTER,
-    MotionCountsNet,
+    MotionCounts,
     confidence_features,
     confidence_of,
     motion_counts_config,
@@ -87,7 +87,7 @@ class Reading:
     confidence: float = float("nan")
 
     @classmethod
-    def of(cls, net: MotionCountsNet, take: CountedMotion) -> Reading:
+    def of(cls, net: MotionCounts, take: CountedMotion) -> Reading:
         curves = net.curves(take.body_pos_m)
         return cls(take, curves, decode_counts(curves, POINTER, source=FROM_MOTION))
 
@@ -149,7 +149,7 @@ def readings_of(
     config, built_in, recorded = motion_counts_config("small"), built_in_takes(), recorded_takes(sources)
     by_genre = []
     for trial in trials_by_genre(built_in):
-        net = trained(trial, config, seeds[0], work)
+        net = trained(trial, config, seeds[0], work).for_inference()
         by_genre += [Reading.of(net, take) for take in [*trial.test, *map(shuffled, trial.test)]]
     kinds = {FIGURES: trials_by_figure, SONG: trials_by_song, GENRE: trials_by_recorded_genre}
     found: dict[str, list[list[Reading]]] = defaultdict(list)
@@ -160,7 +160,7 @@ def readings_of(
                 continue
             readings = []
             for trial in trials(recorded, built_in):
-                net = trained(trial, config, seed, work)
+                net = trained(trial, config, seed, work).for_inference()
                 readings += [Reading.of(net, take) for take in trial.test]
                 known += [Reading.of(net, shuffled(take)) for take in trial.test if what == FIGURES]
             known += readings if what == FIGURES else []
@@ -168,7 +168,7 @@ def readings_of(
         unsure = [r for r in found[FIGURES][-1] if r.confidence < SURE_MOTION_CONFIDENCE]
         found[NOT_SURE].append(unsure)
     stored = pretrained_set("clean")["motion_counts"].arrays
-    net = MotionCountsNet.from_arrays(stored.weights, stored.config)
+    net = MotionCounts.from_arrays(stored.weights, stored.config)
     weights = net.confidence_weights.double().numpy()
     read = [Reading.of(net, r.motion) for r in recorded if r.song_name and CLEAN in groups]
     found[CLEAN].append([replace(r, confidence=confidence_of(r.facts, weights)) for r in read])

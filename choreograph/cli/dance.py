@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import click
 
 from choreograph.cli.characters import check_map_target, write_map
-from choreograph.cli.dance_jobs import check_jobs, jobs_of, present, with_free_names
+from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, present, with_free_names
 from choreograph.cli.dance_options import (
     DanceOptions,
     FileOptions,
@@ -54,11 +55,14 @@ def command(
     strict: bool,
     workers: int | None,
     dask: str | None,
+    stage: bool,
     **options: Any,
 ) -> None:
     """Make a dance for SONG (any audio file), or for each of several."""
     if workers is not None and workers < 0:
         raise ParameterError(f"expected --workers of 0 or more, got {workers}")
+    if stage and not dask:
+        raise ParameterError("expected --dask ADDRESS beside --stage, got none")
     files, asked = options_of(FileOptions, options), options_of(DanceOptions, options)
     if plan_path is not None:
         check_options_with_plan(songs)
@@ -75,13 +79,22 @@ def command(
     dances = with_checked_requests(dances, jobs)
     with_lines = files.as_json and not files.quiet
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
-        results = run_jobs(jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "")
+        results = run_jobs(
+            jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "",
+            staged=_shared(inputs, jobs) if stage else None,
+        )  # fmt: skip
     if any(result.dances for result in results):
         write_map(files.save_map, dances.character())
     present(results, notes, as_json=files.as_json, quiet=files.quiet, many=variations is not None)
     if files.opened:
         page = next(path for path in first if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
+
+
+def _shared(inputs: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
+    """The files that are read for more than one song."""
+    songs = {job.song for job in jobs}
+    return [path for path in inputs if path not in songs]
 
 
 def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:

@@ -71,15 +71,17 @@ class SongDances:
         except ChoreographError as error:
             return Result(job, error=" ".join(str(error).split()))
 
-    def sent(self, folder: Path, job: Job) -> tuple[Result, list[bytes]]:
+    def sent(self, folder: Path, job: Job, *, stage: bool = False) -> tuple[Result, list[bytes]]:
         """As `attempted`, on a machine that may not write the files, with their contents.
 
-        Relative paths are those of `folder`.
+        Relative paths are those of `folder`. With `stage`, the files that are read were sent along.
         """
+        if stage:
+            folder.mkdir(parents=True, exist_ok=True)
         if not folder.is_dir():
             raise ChoreographError(
                 f"expected the folder {folder} on the machines of all workers, got one without it: start "
-                "`choreograph dance` in a folder that all have"
+                "`choreograph dance` in a folder that all have, or add --stage"
             )
         with TemporaryDirectory() as own, chdir(folder):
             there = [
@@ -144,21 +146,28 @@ def with_checked_requests(dances: SongDances, jobs: Sequence[Job]) -> SongDances
 
 
 def run_jobs(
-    jobs: Sequence[Job], dances: SongDances, shown: Stages | StageLines, *, workers: int = 1, dask: str = ""
+    jobs: Sequence[Job],
+    dances: SongDances,
+    shown: Stages | StageLines,
+    *,
+    workers: int = 1,
+    dask: str = "",
+    staged: Sequence[Path] | None = None,
 ) -> list[Result]:
     """The dances of the jobs. If one of several songs cannot be danced, the others still are.
 
-    With several `workers`, or the Dask scheduler at the address `dask`, songs are danced at once.
+    With several `workers`, or the Dask scheduler at the address `dask`, songs are danced at once. The songs
+    and the files `staged`, if they are given, are sent along to the workers of the scheduler.
     """
     if len(jobs) == 1 and not dask:
         return [dances.result(jobs[0], shown.report)]
     results: list[Result] = []
     shown.report("songs", 0, len(jobs), jobs[0].song.name)
-    with working(workers, dask) as cluster:
+    with working(workers, dask, stage=staged is not None) as cluster:
         if cluster is not None:
             shown.report(f"connected, {cluster.dashboard}", 0, 0)
         is_alone = cluster is None and workers == 1
-        found = _elsewhere(jobs, dances) if cluster is not None else _here(jobs, dances, shown, is_alone)
+        found = _here(jobs, dances, shown, is_alone) if cluster is None else _elsewhere(jobs, dances, staged)
         for result in found:
             results.append(result)
             following = jobs[len(results)].song.name if len(results) < len(jobs) else ""
@@ -176,10 +185,32 @@ def _here(
     return each(make, jobs, killed=_killed, fewest=_FEWEST)
 
 
-def _elsewhere(jobs: Sequence[Job], dances: SongDances) -> Iterator[Result]:
+@dataclass(frozen=True, eq=False)
+class _Sent:
+    """A job for another machine."""
+
+    dances: SongDances
+    folder: Path  # of relative paths
+    job: Job
+    stage: bool
+
+    def result(self) -> tuple[Result, list[bytes]]:
+        return self.dances.sent(self.folder, self.job, stage=self.stage)
+
+    def killed(self) -> tuple[Result, list[bytes]]:
+        return _killed(self.job), []
+
+    def files(self) -> tuple[Path, ...]:
+        return (self.job.song,)
+
+
+def _elsewhere(jobs: Sequence[Job], dances: SongDances, staged: Sequence[Path] | None) -> Iterator[Result]:
     """The results of the workers of a cluster, whose files are written here."""
-    make = partial(dances.sent, Path.cwd())
-    for result, contents in each(make, jobs, killed=lambda job: (_killed(job), [])):
+    sent = [_Sent(dances, Path.cwd(), job, staged is not None) for job in jobs]
+    results = each(
+        _Sent.result, sent, killed=_Sent.killed, files=_Sent.files, shared=_with_files_inside(staged or ())
+    )
+    for result, contents in results:
         paths = [path for paths in result.job.outputs for path in paths]
         try:
             for path, content in zip(paths, contents, strict=not result.error):
@@ -188,6 +219,12 @@ def _elsewhere(jobs: Sequence[Job], dances: SongDances) -> Iterator[Result]:
         except ChoreographError as error:
             result = Result(result.job, error=" ".join(str(error).split()))
         yield result
+
+
+def _with_files_inside(paths: Sequence[Path]) -> list[Path]:
+    """The files of a list, each once, with the repertoire files of its folders."""
+    found = [file for path in paths for file in (sorted(path.glob("*.h5")) if path.is_dir() else [path])]
+    return list(dict.fromkeys(found))
 
 
 def _killed(job: Job) -> Result:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from choreograph.core.errors import ChoreographError
-from choreograph.core.staging import StagedResult, on_staged, staged
+from choreograph.core.staging import StagedResult, on_staged, sent_files, staged
 
 _AHEAD = 2  # inputs of a worker that are sent before their results are needed
 _CONNECT_S = 10.0
@@ -51,10 +51,11 @@ class Cluster:
         function: Callable[[_Input], _Result],
         inputs: Sequence[_Input],
         files: Callable[[_Input], Iterable[Path]] | None = None,
+        shared: Sequence[Path] = (),
     ) -> Generator[_Result, None, None]:
         """The result of `function` for each input, in order.
 
-        The files of an input, if there are any, are sent along.
+        With `files`, those of an input are sent along, and those of all inputs (`shared`) once to a worker.
 
         Work that is lost with a worker or a scheduler is done again. Raises what `function` raises,
         `WorkerKilled` when the scheduler gives an input up, which may have been beside the one that kills
@@ -66,7 +67,7 @@ class Cluster:
         done, losses = 0, 0
         while done < len(inputs):
             try:
-                for result in self._in_order(function, inputs[done:], files):
+                for result in self._in_order(function, inputs[done:], files, shared):
                     yield result
                     done, losses = done + 1, 0
             except KilledWorker as error:
@@ -84,13 +85,15 @@ class Cluster:
         function: Callable[[_Input], _Result],
         inputs: Sequence[_Input],
         files: Callable[[_Input], Iterable[Path]] | None,
+        shared: Sequence[Path],
     ) -> Iterator[_Result]:
         """Results in order. Only as many inputs are sent as workers need, since some are whole takes."""
         n_ahead = _AHEAD * self.n_workers
+        sent = self._client.scatter([*sent_files(shared)], broadcast=True) if shared and files else []
         running: deque[Any] = deque()
         try:
             for one in inputs:
-                running.append(self._submitted(function, one, files))
+                running.append(self._submitted(function, one, files, sent))
                 if len(running) > n_ahead:
                     yield _received(running.popleft().result())
             while running:
@@ -103,14 +106,15 @@ class Cluster:
         function: Callable[[_Input], _Result],
         one: _Input,
         files: Callable[[_Input], Iterable[Path]] | None,
+        shared: Sequence[Any],
     ) -> Any:
         """The future result, sent back as it is or, with the files of the input, as a `StagedResult`."""
-        work, sent = (
-            (function, one) if files is None else (partial(on_staged, function), staged(one, files(one)))
-        )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on the size of whole takes
-            return self._client.submit(work, sent, pure=False)
+            if files is None:
+                return self._client.submit(function, one, pure=False)
+            work = partial(on_staged, function)
+            return self._client.submit(work, staged(one, files(one)), shared, pure=False)
 
     def _is_back(self) -> bool:
         """Whether the scheduler has a worker, now or within some seconds."""

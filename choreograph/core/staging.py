@@ -1,7 +1,8 @@
 """Inputs that are sent together with the files that they name, to a machine that does not have the files.
 
 There, the files lie below a temporary folder, under the paths that they have here. The absolute paths of an
-input are changed before the work, and those of the result are changed back, in its messages as well.
+input are changed before the work, and those of the result are changed back, in its messages as well. In
+texts of the input, such as options, the paths of the files that were sent are changed.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
@@ -22,16 +23,24 @@ _MOST_BYTES = 1 << 30  # of a file
 _Input = TypeVar("_Input")
 
 
+SentFile = tuple[str, bytes]  # path here, and content
+
+
 @dataclass(frozen=True)
 class Staged:
     """An input and the files that it names."""
 
     content: bytes  # the pickled input
-    files: tuple[tuple[str, bytes], ...]  # path here, and content
+    files: tuple[SentFile, ...]
 
 
 def staged(one: object, files: Iterable[Path]) -> Staged:
-    """An input with its files. Those that do not exist are left out, as where the input was made.
+    """An input with its files. Raises as `sent_files`."""
+    return Staged(pickle.dumps(one, 5), sent_files(files))
+
+
+def sent_files(files: Iterable[Path]) -> tuple[SentFile, ...]:
+    """The contents of files. Those that do not exist are left out, as where the input was made.
 
     Raises `ParameterError` for a file of more than a GiB.
     """
@@ -45,7 +54,7 @@ def staged(one: object, files: Iterable[Path]) -> Staged:
                 f"{size / 2**30:.1f} GiB: leave out --stage, for workers that share a file system"
             )
         contents.append((os.path.abspath(file), file.read_bytes()))
-    return Staged(pickle.dumps(one, 5), tuple(contents))
+    return tuple(contents)
 
 
 @dataclass(frozen=True)
@@ -59,15 +68,24 @@ class StagedResult:
         return _read(self.content)
 
 
-def on_staged(function: Callable[[_Input], Any], sent: Staged) -> StagedResult:
-    """The result of a function for an input that was sent. Its files are removed again."""
+def on_staged(
+    function: Callable[[_Input], Any], sent: Staged, shared: Iterable[SentFile] = ()
+) -> StagedResult:
+    """The result of a function for an input that was sent. Its files are removed again.
+
+    `shared` are the files that all inputs name.
+    """
     with TemporaryDirectory(prefix="choreograph-") as made:
         folder = os.path.realpath(made)
-        for name, content in sent.files:
+        there = {}
+        for name, content in (*shared, *sent.files):
             path = _below(folder, Path(name))
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-        one = _changed(pickle.loads(sent.content), lambda path: _there(path, folder), lambda text: text)
+            there[name] = str(path)
+        one = _changed(
+            pickle.loads(sent.content), lambda path: _there(path, folder), lambda text: _with(text, there)
+        )
         result = function(one)
         return StagedResult(
             _written(result, lambda path: _back(path, folder), lambda text: text.replace(folder, ""))
@@ -81,6 +99,14 @@ def _below(folder: str, path: PurePath) -> Path:
 
 def _there(path: PurePath, folder: str) -> PurePath:
     return _below(folder, path) if path.is_absolute() else path
+
+
+def _with(text: str, there: Mapping[str, str]) -> str:
+    """A text in which the paths of the files that were sent are those below the folder."""
+    for name in sorted(there, key=len, reverse=True):
+        if name in text:
+            return there[name].join(_with(part, there) for part in text.split(name))
+    return text
 
 
 def _back(path: PurePath, folder: str) -> PurePath:
@@ -100,17 +126,19 @@ class _Writer(pickle.Pickler):
         """What is written instead of a path or text, or None for anything else, and for what stays."""
         if isinstance(obj, PurePath):
             changed = self._path(obj)
-            return None if changed == obj else ("path", str(changed))
+            return None if changed == obj else ("path", str(changed).encode("utf-8", "surrogatepass"))
         if type(obj) is str:
             text = self._text(obj)
-            return None if text == obj else ("text", text)
+            return (
+                None if text == obj else ("text", text.encode("utf-8", "surrogatepass"))
+            )  # as bytes, which are not changed again
         return None
 
 
 class _Reader(pickle.Unpickler):
     def persistent_load(self, pid: Any) -> Any:
         """The path or text that was written."""
-        kind, text = pid
+        kind, text = pid[0], pid[1].decode("utf-8", "surrogatepass")
         return Path(text) if kind == "path" else text
 
 

@@ -106,15 +106,16 @@ def each(
     named: Callable[[_Input], str] = str,
     fewest: int = FEWEST,
     files: Callable[[_Input], Iterable[Path]] | None = None,
+    shared: Sequence[Path] = (),
 ) -> Iterator[_Result]:
     """The result of `function` for each input, in order, when it is needed.
 
     In processes, which are started for `fewest` inputs or more, `function`, inputs and results are pickled.
-    An input whose process is killed twice has the
-    result `killed(input)`.
+    An input whose process is killed twice has the result `killed(input)`. `files(input)` are the files that
+    `function` reads, and `shared` those that it reads for every input. They may have to be sent along.
 
     Raises what `function` raises, and `ChoreographError` for such an input without `killed`, which is called
-    `named(input)` there. `files(input)` are the files that `function` reads, which may have to be sent along.
+    `named(input)` there.
     """
     inputs = list(inputs)
     elsewhere = _cluster.get()
@@ -123,7 +124,7 @@ def each(
         yield from map(function, inputs)
         return
     sent = files if _sends_files.get() else None
-    start = partial(_started, n) if elsewhere is None else partial(elsewhere.each, files=sent)
+    start = partial(_started, n) if elsewhere is None else partial(elsewhere.each, files=sent, shared=shared)
     done, one_by_one = 0, 0
     while done < len(inputs):
         stop = done + 1 if one_by_one else len(inputs)

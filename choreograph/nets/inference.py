@@ -2,8 +2,8 @@
 
 torch takes over a second to import, which is longer than these networks need for a song. The torch modules of
 `nets.words`, `nets.style`, `nets.count_phases` and `nets.rollout` define the networks and train them. The
-classes here and in `nets.music_counts` and `nets.rollout_poses` read the weights of those modules, by the
-same names, and agree with them to rounding.
+classes here and in `nets.music_counts`, `nets.motion_counts` and `nets.rollout_poses` read the weights of
+those modules, by the same names, and agree with them to rounding.
 """
 
 from __future__ import annotations
@@ -201,6 +201,43 @@ def unit(x: Array) -> Array:
     """Rows (..., D) of length 1."""
     result: Array = x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-12)
     return result
+
+
+# The trunk of the networks that estimate counts, `nets.count_phases.Trunk`.
+
+
+def trunk(x: Array, weights: Mapping[str, Array], n_blocks: int) -> Array:
+    """Features (1, T, width) with a context of many seconds, of features (1, T, F)."""
+    x = conv1d(x, weights, "trunk.into")
+    for block in range(n_blocks):
+        name = f"trunk.blocks.{block}.layers"
+        y = conv1d(_normal(x, weights, f"{name}.0"), weights, f"{name}.1", dilation=2**block)
+        x = x + conv1d(gelu(y), weights, f"{name}.4")
+    return _normal(x, weights, "trunk.norm")
+
+
+def trunk_shapes(n_features: int, width: int, n_blocks: int, kernel: int) -> Shapes:
+    """The shapes of the arrays that `trunk` uses. A convolution has a kernel of so many frames."""
+    shapes: Shapes = {
+        "trunk.into.weight": (width, n_features, kernel), "trunk.into.bias": (width,),
+        "trunk.norm.scale": (width, 1), "trunk.norm.shift": (width, 1),
+    }  # fmt: skip
+    for block in range(n_blocks):
+        name = f"trunk.blocks.{block}.layers"
+        shapes |= {f"{name}.0.scale": (width, 1), f"{name}.0.shift": (width, 1)}
+        shapes |= {f"{name}.1.weight": (width, width, kernel), f"{name}.1.bias": (width,)}
+        shapes |= {f"{name}.4.weight": (width, width, 1), f"{name}.4.bias": (width,)}
+    return shapes
+
+
+def _normal(x: Array, weights: Mapping[str, Array], name: str) -> Array:
+    """Each frame of (B, T, C) with mean 0 and variance 1 over its channels, scaled and shifted."""
+    centred = x - x.mean(axis=2, keepdims=True)
+    variance = np.square(centred).mean(axis=2, keepdims=True)
+    deviation = np.sqrt(variance + np.float32(EPSILON))
+    scale, shift = weights[f"{name}.scale"][:, 0], weights[f"{name}.shift"][:, 0]
+    normal: Array = centred / deviation * scale + shift
+    return normal
 
 
 # Motion words to embeddings.

@@ -23,7 +23,7 @@ from choreograph.music.beats import level_normalized, onset_strength, path_of
 from choreograph.music.mel import MEL_BANDS
 from choreograph.music.song import Song
 from choreograph.nets.configs import config_from_preset
-from choreograph.nets.inference import EPSILON, Shapes, TrainedNet, conv1d, conv2d, elu, gelu, sigmoid
+from choreograph.nets.inference import Shapes, TrainedNet, conv1d, conv2d, elu, sigmoid, trunk, trunk_shapes
 
 # Phases in beat and bar, as the networks output them.
 #
@@ -104,20 +104,12 @@ class MusicCounts(TrainedNet):
     def shapes(config: MusicCountsConfig) -> Shapes:
         """The shapes of all weights."""
         first, second = config.front_channels
-        width = config.width
-        shapes: Shapes = {
+        return trunk_shapes(second * (MEL_BANDS // 12), config.width, config.n_blocks, KERNEL) | {
             "front.0.weight": (first, 1, 5, 5), "front.0.bias": (first,),
             "front.3.weight": (second, first, 3, 3), "front.3.bias": (second,),
-            "trunk.into.weight": (width, second * (MEL_BANDS // 12), KERNEL), "trunk.into.bias": (width,),
-            "head.weight": (N_ACTIVATIONS + N_OUTPUTS, width, 1), "head.bias": (N_ACTIVATIONS + N_OUTPUTS,),
-            "trunk.norm.scale": (width, 1), "trunk.norm.shift": (width, 1),
+            "head.weight": (N_ACTIVATIONS + N_OUTPUTS, config.width, 1),
+            "head.bias": (N_ACTIVATIONS + N_OUTPUTS,),
         }  # fmt: skip
-        for block in range(config.n_blocks):
-            name = f"trunk.blocks.{block}.layers"
-            shapes |= {f"{name}.0.scale": (width, 1), f"{name}.0.shift": (width, 1)}
-            shapes |= {f"{name}.1.weight": (width, width, KERNEL), f"{name}.1.bias": (width,)}
-            shapes |= {f"{name}.4.weight": (width, width, 1), f"{name}.4.bias": (width,)}
-        return shapes
 
     def curves(self, log_mel: NDArray[np.floating]) -> MusicCurves:
         """The curves of a whole song from its log-mel (T, 96). Raises `ParameterError` for another shape."""
@@ -125,7 +117,8 @@ class MusicCounts(TrainedNet):
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
             raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {mel.shape}")
         even = np.pad(levelled(mel), ((0, len(mel) % 2), (0, 0)), mode="edge")
-        outputs = conv1d(self._trunk(self._front(even)), self.weights, "head")[0].T
+        hidden = trunk(self._front(even), self.weights, self.config.n_blocks)
+        outputs = conv1d(hidden, self.weights, "head")[0].T
         beat, downbeat = sigmoid(outputs[:N_ACTIVATIONS])
         return MusicCurves(beat, downbeat, curves_from(outputs[N_ACTIVATIONS:], CURVE_FPS))
 
@@ -135,25 +128,6 @@ class MusicCounts(TrainedNet):
         x = elu(conv2d(_halved(x), self.weights, "front.3", stride=(1, 1), padding=(1, 1)))
         x = _halved(x)  # (1, C, T / 2, 8)
         return x.transpose(0, 2, 1, 3).reshape(1, x.shape[2], -1)
-
-    def _trunk(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Features (1, T, width) with a context of many seconds, of features (1, T, F)."""
-        weights = self.weights
-        x = conv1d(x, weights, "trunk.into")
-        for block in range(self.config.n_blocks):
-            name = f"trunk.blocks.{block}.layers"
-            y = conv1d(self._normal(x, f"{name}.0"), weights, f"{name}.1", dilation=2**block)
-            x = x + conv1d(gelu(y), weights, f"{name}.4")
-        return self._normal(x, "trunk.norm")
-
-    def _normal(self, x: NDArray[np.float32], name: str) -> NDArray[np.float32]:
-        """Each frame of (B, T, C) with mean 0 and variance 1 over its channels, scaled and shifted."""
-        centred = x - x.mean(axis=2, keepdims=True)
-        variance = np.square(centred).mean(axis=2, keepdims=True)
-        deviation = np.sqrt(variance + np.float32(EPSILON))
-        scale, shift = self.weights[f"{name}.scale"][:, 0], self.weights[f"{name}.shift"][:, 0]
-        normal: NDArray[np.float32] = centred / deviation * scale + shift
-        return normal
 
 
 def _halved(x: NDArray[np.float32]) -> NDArray[np.float32]:

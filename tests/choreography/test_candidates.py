@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 import choreograph as cg
 from choreograph.choreography.graph import engine, layer_source
-from choreograph.choreography.graph.candidates import FIRST, IF_TOO_FEW, NEVER, AllowedNodes, take_ranks
+from choreograph.choreography.graph.candidates import (
+    _FEWEST_OF_METRE,
+    FIRST,
+    IF_TOO_FEW,
+    NEVER,
+    AllowedNodes,
+    take_ranks,
+)
+from choreograph.core.counts import Counts, make_counts
 from choreograph.core.errors import NoPathError
+from choreograph.library.take_counts import TakeTempi
 
 DURATION_S = 12.0
+FEWEST = _FEWEST_OF_METRE
 
 
 @pytest.fixture(scope="module")
@@ -98,25 +111,80 @@ def test_a_request_that_nothing_meets_is_an_error_that_names_it(starter, sources
     assert len(sources) == 1
 
 
+def a_request(metre_of_song, metre_of_take, *, clips=FEWEST, seconds=2, **counts):
+    """A song of bars of `metre_of_song` beats, and takes in these metres, each with so many clips."""
+    times_s = np.arange(4.0 * seconds + 1) / 4
+    numbers = np.arange(len(times_s)) % metre_of_song + 1
+    found = make_counts(times_s, numbers, metre_of_song, **{"confidence": 1.0, **counts})
+    n_takes = len(metre_of_take)
+    zeros = np.zeros(n_takes)
+    tempi = TakeTempi(np.array(metre_of_take), zeros, zeros.astype(int), zeros, zeros > 0)
+    return SimpleNamespace(
+        song_features=Features(found, seconds),
+        material=SimpleNamespace(counts=found),
+        repertoire=SimpleNamespace(
+            takes=[None] * n_takes, take_tempi=tempi, clip_take=np.repeat(np.arange(n_takes), clips)
+        ),
+        config=cg.DanceConfig(),
+    )
+
+
+@dataclass(frozen=True)
+class Features:
+    counts: Counts
+    n_seconds: int
+
+
 def test_ranks_of_takes_follow_their_costs():
     cost = np.array([[0.0, 20.0, np.inf], [20.0, 0.0, 0.0]])
     allowed = AllowedNodes(cost, np.zeros(2, bool))
-    assert allowed.is_graded
-    alone = take_ranks(None, allowed, of_genre_alone=True)
+    request = a_request(4, (4, 4, 4))
+    alone = take_ranks(request, (), allowed, of_music_alone=True)
     assert alone.tolist() == [[FIRST, IF_TOO_FEW, 2 * NEVER], [IF_TOO_FEW, FIRST, FIRST]]
-    assert take_ranks(None, allowed, of_genre_alone=False).tolist() == [[0, 0, 2 * NEVER], [0, 0, 0]]
-    assert not replace_cost(allowed, np.where(cost == 20.0, 0.0, cost)).is_graded
-
-
-def replace_cost(allowed, cost):
-    return AllowedNodes(cost, allowed.motif_banned[:-1])
+    ranks = take_ranks(request, (), allowed, of_music_alone=False)
+    assert ranks.tolist() == [[0, 0, 2 * NEVER], [0, 0, 0]]
 
 
 def test_takes_that_a_pin_excludes_are_selected_before_those_that_are_banned():
     beside = np.array([[0.0, 20.0, np.inf]])
     allowed = AllowedNodes(np.array([[np.inf, np.inf, np.inf]]), np.zeros(2, bool), beside)
-    ranks = take_ranks(None, allowed, of_genre_alone=True)
+    ranks = take_ranks(a_request(4, (4, 4, 4), seconds=1), (), allowed, of_music_alone=True)
     assert ranks.tolist() == [[NEVER, NEVER + IF_TOO_FEW, 2 * NEVER]]
+
+
+def test_takes_of_another_metre_are_selected_only_if_there_are_too_few_others():
+    def of_other_metre(metre_of_song, metre_of_take, **how):
+        request = a_request(metre_of_song, metre_of_take, seconds=8, **how)
+        ranks = take_ranks(request, (), None, of_music_alone=True)
+        assert set(np.unique(ranks)) <= {FIRST, IF_TOO_FEW}
+        return [take for take in range(ranks.shape[1]) if (ranks[:, take] == IF_TOO_FEW).all()]
+
+    assert of_other_metre(3, (3, 4, 0, 4)) == [1, 3]
+    assert of_other_metre(4, (3, 4, 0, 4)) == [0]
+    assert of_other_metre(3, (4, 4)) == []  # none of the metre
+    assert of_other_metre(3, (3, 4), clips=FEWEST - 1) == []  # too few of it
+    assert of_other_metre(3, (3, 4), confidence=0.4) == []
+    everything = take_ranks(a_request(3, (3, 4)), (), None, of_music_alone=False)
+    assert (everything == FIRST).all()
+
+
+def test_a_single_bar_of_another_length_changes_no_metre():
+    request = a_request(4, (3, 4), seconds=12)
+    counts = request.material.counts
+    numbers = np.concatenate([counts.numbers[:16], [1, 2, 3], counts.numbers[: len(counts) - 19]])
+    request.material.counts = make_counts(counts.times_s, numbers, 4)
+    ranks = take_ranks(request, (), None, of_music_alone=True)
+    assert ranks.tolist() == [[IF_TOO_FEW, FIRST]] * 12
+
+
+def test_takes_of_all_metres_are_selected_where_the_metre_changes():
+    request = a_request(4, (3, 4), seconds=12)
+    half = make_counts(
+        request.material.counts.times_s,
+        np.concatenate([np.arange(24) % 4 + 1, np.arange(25) % 3 + 1]), 4,
+    )  # fmt: skip
+    request.material.counts = half
+    assert (take_ranks(request, (), None, of_music_alone=True) == FIRST).all()
 
 
 def test_every_seed_has_the_same_candidates_if_all_are_drawn(starter, sources):

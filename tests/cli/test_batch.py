@@ -12,6 +12,11 @@ import pytest
 from command_line import assert_one_line, run
 from schedulers import scheduler_with_workers
 
+from choreograph.cli.dance import command as dance
+from choreograph.cli.dance_jobs import Job
+from choreograph.cli.dance_options import DanceOptions, FileOptions, options_of
+from choreograph.cli.dance_songs import SongDances, _Sent, _with_files_inside
+from choreograph.core.staging import on_staged, sent_files, staged
 from choreograph.formats.bvh import read_bvh
 
 
@@ -63,6 +68,7 @@ def test_facts_of_all_songs_as_json(songs, db):
         (["a.wav", "b.wav", "-o", "new/{song}.xyz"], "xyz"),
         (["a.wav", "b.wav", "-o", "a.wav/{song}.bvh"], "folder"),
         ([], "expected a SONG"),
+        (["a.wav", "b.wav", "--stage"], "expected --dask ADDRESS beside --stage"),
         (["a.wav", "b.wav", "--workers", -1], "expected --workers of 0 or more, got -1"),
         (["a.wav", "--loop", "-o", "a.html"], "for --loop, got .html: add -o NAME.bvh"),
     ],
@@ -110,6 +116,30 @@ def test_songs_that_are_danced_by_a_cluster_have_the_same_bytes(alone, db, tmp_p
     pytest.importorskip("distributed")
     with scheduler_with_workers(tmp_path / "workers") as address:
         assert outputs_of(Path("dask"), "--db", db, "--dask", address) == alone
+
+
+@pytest.mark.slow
+def test_songs_and_repertoire_are_sent_along_to_a_cluster(alone, db, tmp_path):
+    pytest.importorskip("distributed")
+    with scheduler_with_workers(tmp_path / "workers") as address:
+        assert outputs_of(Path("staged"), "--db", db, "--dask", address, "--stage") == alone
+
+
+def test_what_was_sent_is_danced_without_the_files_it_was_made_of(songs, db, tmp_path):
+    here = tmp_path / "here.h5"
+    here.write_bytes(Path(db).read_bytes())
+    given = dance.make_context("dance", ["a.wav", "--duration", "4"]).params
+    job = Job(Path("a.wav").absolute(), ((Path("a.bvh"),),))
+    files, asked = options_of(FileOptions, given), options_of(DanceOptions, given)
+    dances = SongDances((here,), asked, files, None, False, None, None)
+    sent = _Sent(dances, Path.cwd(), job, True)
+    arriving = staged(sent, sent.files()), sent_files(_with_files_inside([here]))
+    expected = sent.result()
+    here.unlink()
+    job.song.unlink()
+    found = on_staged(_Sent.result, *arriving).received()
+    assert not found[0].error
+    assert (found[0].job, found[1]) == (expected[0].job, expected[1])
 
 
 def test_a_scheduler_that_is_not_there_is_said_in_a_line(songs, db):

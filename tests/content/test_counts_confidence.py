@@ -8,7 +8,7 @@ from synthetic_counts import counted
 
 from choreograph.core.errors import ParameterError
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, decode_counts
-from choreograph.nets.count_phases import N_CONFIDENCE, confidence_features, confidence_of
+from choreograph.nets.motion_counts import N_CONFIDENCE, confidence_features, confidence_of
 from content.motion_counting import fit_confidence
 
 

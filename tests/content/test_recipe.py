@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from choreograph.library.store import read_networks
-from choreograph.nets.count_phases import MotionCountsNet
+from choreograph.nets.motion_counts import MotionCounts
 from choreograph.nets.style import StyleNets
 from content import networks as recipe
 from content import style_networks as style_recipe
@@ -35,7 +35,7 @@ def test_a_small_run_of_the_whole_recipe(tmp_path, monkeypatch):
     nets, provenance = read_networks(output)
     assert set(nets) == {"motion_counts", "style"}
     assert len(provenance["trained_on"]) == 4
-    counting = MotionCountsNet.from_arrays(nets["motion_counts"].weights, nets["motion_counts"].config)
+    counting = MotionCounts.from_arrays(nets["motion_counts"].weights, nets["motion_counts"].config)
     take = whole(1, genres=GENRES[:1])[0]
     assert len(counting.curves(take.body_pos_m).beat) == len(take.body_pos_m)
     style = StyleNets.from_arrays(nets["style"].weights, nets["style"].config)

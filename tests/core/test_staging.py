@@ -11,7 +11,7 @@ import pytest
 
 from choreograph.core import staging
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.staging import on_staged, staged
+from choreograph.core.staging import on_staged, sent_files, staged
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,20 @@ def test_a_result_is_that_of_the_sender_although_the_files_are_gone(folder):
     found = pickle.loads(pickle.dumps(on_staged(read, arriving))).received()
     assert (found.text, found.paths, str(found.error)) == (here.text, here.paths, str(here.error))
     np.testing.assert_array_equal(found.rows, here.rows)
+
+
+def test_files_of_all_inputs_are_sent_beside_and_named_in_texts(folder):
+    common = folder / "b.bvh"
+
+    def named(one: tuple[Path, str]) -> tuple[str, str, str]:
+        own, text = one
+        return own.read_text(), Path(text.partition("=")[2]).read_text(), text
+
+    shared = sent_files([common])
+    arriving = sent((folder / "a.bvh", f"style_song={common}"), [folder / "a.bvh"])
+    common.unlink()
+    found = on_staged(named, arriving, shared).received()
+    assert found == ("a.bvh", "b.bvh", f"style_song={common}")
 
 
 def test_files_are_removed_where_the_work_was_done(folder, tmp_path, monkeypatch):

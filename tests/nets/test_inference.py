@@ -9,8 +9,9 @@ import torch
 from choreograph.core.errors import ParameterError
 from choreograph.music.rhythm import RHYTHM_DIM
 from choreograph.nets.configs import rollout_config, style_config, word_config
-from choreograph.nets.count_phases import MusicCountsNet
+from choreograph.nets.count_phases import MotionCountsNet, MusicCountsNet
 from choreograph.nets.inference import MEL_FRAMES, SongStyle, WordEmbedder
+from choreograph.nets.motion_counts import motion_counts_config
 from choreograph.nets.music_counts import MusicCounts, levelled, music_counts_config
 from choreograph.nets.rollout import RolloutNet
 from choreograph.nets.rollout_poses import PosePredictor, RolloutConditions
@@ -48,6 +49,18 @@ def test_the_curves_of_a_song_are_those_of_torch(preset, n_frames):
     assert_equal_to_rounding(np.stack([curves.beat, curves.downbeat]), torch.sigmoid(logits[0]).numpy())
     found = np.concatenate([curves.phases.beat.T, *curves.phases.bar.transpose(1, 2, 0)])
     assert_equal_to_rounding(found.astype(np.float32), vectors[0].numpy())
+
+
+@pytest.mark.parametrize("preset", ["small", "tiny"])
+@pytest.mark.parametrize("n_frames", [1, 2, 40, 700])
+def test_the_curves_of_a_take_are_those_of_torch(preset, n_frames):
+    module = trained(MotionCountsNet(motion_counts_config(preset)))
+    body = RNG.normal(size=(n_frames, 21, 3)).astype(np.float32)
+    curves = module.for_inference().curves(body, (1.0,))
+    with torch.no_grad():
+        (vectors,) = module(torch.from_numpy(body)[None], torch.ones(1, n_frames)).numpy()
+    found = np.concatenate([curves.beat.T, *curves.bar.transpose(1, 2, 0)])
+    assert_equal_to_rounding(found.astype(np.float32), vectors)
 
 
 @pytest.mark.parametrize("normalised", [True, False])

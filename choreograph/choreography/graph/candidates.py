@@ -76,11 +76,6 @@ class AllowedNodes(Cost):
             return None
         return cls(cost, constraints.motif_banned, beside_pins)
 
-    @property
-    def is_graded(self) -> bool:
-        """Whether takes that may be danced differ in cost, because some are of another genre."""
-        return bool(((self.of_take > 0) & np.isfinite(self.of_take)).any())
-
     def node(self, layer: Layer, song_features: SongFeatures) -> NDArray[np.floating]:
         banned = self.motif_banned[layer.motifs].any(axis=1)
         return np.where(banned, np.inf, self.of_take[layer.second, layer.take])
@@ -114,28 +109,68 @@ _EFFORT = 0.5  # style loss of the quietest clip where the song is loudest. Genr
 Mask = NDArray[np.bool_]
 
 
+_FEWEST_OF_METRE = 64  # clips of the music's metre without which others are selected beside them
+_SHARE_OF_METRE = 0.75  # of the seconds of a part, in which its metre must be heard
+_SURE_OF_METRE = 0.5  # confidence of the counts
+
+
 def take_ranks(
-    request: DanceRequest, allowed: AllowedNodes | None, *, of_genre_alone: bool
+    request: DanceRequest,
+    goals: Sequence[SectionGoal],
+    allowed: AllowedNodes | None,
+    *,
+    of_music_alone: bool,
 ) -> NDArray[np.int8]:
     """In what order takes (S, takes) are selected from: `FIRST`, `IF_TOO_FEW`, or `NEVER` and above.
 
-    With `of_genre_alone`, takes of another genre than the likely one are selected only if there are too few
-    others. Their cost is so high that they are hardly ever danced. Takes that are excluded by a pin keep
-    their order, because a session has already warped them.
+    With `of_music_alone`, takes of another genre than the likely one, and of another metre than that of the
+    part of the song, are selected only if there are too few others. The cost of another genre is so high
+    that it is hardly ever danced. Takes that are excluded by a pin keep their order, because a session has
+    already warped them.
     """
-    if allowed is None:
-        return np.full((request.song_features.n_seconds, len(request.repertoire.takes)), FIRST, np.int8)
 
     def ranked(cost: AnyFloats) -> NDArray[np.int8]:
         ranks = np.full(cost.shape, FIRST, np.int8)
-        ranks[cost > 0] = IF_TOO_FEW if of_genre_alone else FIRST
+        ranks[cost > 0] = IF_TOO_FEW if of_music_alone else FIRST
         ranks[np.isinf(cost)] = NEVER
         return ranks
 
-    ranks = ranked(allowed.of_take)
-    never = ranks == NEVER
-    ranks[never] += ranked(allowed.beside_pins)[never]
+    if allowed is None:
+        ranks = np.full((request.song_features.n_seconds, len(request.repertoire.takes)), FIRST, np.int8)
+    else:
+        ranks = ranked(allowed.of_take)
+        never = ranks == NEVER
+        ranks[never] += ranked(allowed.beside_pins)[never]
+    if of_music_alone:
+        ranks[_of_other_metre(request, goals, ranks == FIRST)] = IF_TOO_FEW
     return ranks
+
+
+def _of_other_metre(request: DanceRequest, goals: Sequence[SectionGoal], first: Mask) -> Mask:
+    """The takes (S, takes) among the `first` ones that are of another metre than the part of the song.
+
+    None are where the metre of the music changes or is not sure, nor where there are too few clips of it.
+    """
+    repertoire, n_seconds = request.repertoire, request.song_features.n_seconds
+    is_other = np.zeros(first.shape, bool)
+    counts = request.material.counts
+    if request.config.warping != "counts" or counts.confidence < _SURE_OF_METRE:
+        return is_other
+    metre_at = song_metre_at(replace(request.song_features, counts=counts))
+    n_clips = np.bincount(repertoire.clip_take, minlength=first.shape[1])  # (takes,)
+    starts = [goal.first_second for goal in goals] or [0]
+    for start, stop in zip(starts, [*starts[1:], n_seconds], strict=True):
+        metres, seconds = np.unique(metre_at[start:stop], return_counts=True)
+        if (
+            not len(metres)
+            or metres[seconds.argmax()] == 0
+            or seconds.max() < _SHARE_OF_METRE * seconds.sum()
+        ):
+            continue
+        of_metre = np.isin(repertoire.take_tempi.metre, (0, metres[seconds.argmax()]))
+        enough = (first[start:stop] & of_metre) @ n_clips >= _FEWEST_OF_METRE
+        is_other[start:stop] = first[start:stop] & ~of_metre & enough[:, None]
+    return is_other
 
 
 def candidate_clips(

@@ -8,11 +8,12 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
-from choreograph.choreography.graph.candidates import AllowedNodes
+from choreograph.choreography.graph.candidates import AllowedNodes, take_ranks
 from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
 from choreograph.choreography.graph.layer_source import make_layers, song_grid
@@ -261,19 +262,21 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
         weighted.append(WeightedCost(allowed, 1.0))
     # A cost of the user may outweigh the genre, so it is given takes of every genre.
     own = [*(c for c in request.costs if not isinstance(c, AvoidRepeating)), *installed]
-    of_genre_alone = config.selection == "genre" and not own and allowed is not None and allowed.is_graded
+    ranks = take_ranks(request, goals, allowed, of_music_alone=False)
+    first = ranks
+    if config.selection == "genre" and not own:
+        first = take_ranks(request, goals, allowed, of_music_alone=True)
 
-    def planned(of_genre_alone: bool) -> Path:
-        source = make_layers(request, weighted, allowed, goals, of_genre_alone=of_genre_alone)
-        return _plan_path(source, weighted, request)
+    def planned(ranks: NDArray[np.int8]) -> Path:
+        return _plan_path(make_layers(request, weighted, ranks, goals), weighted, request)
 
     try:
         try:
-            return planned(of_genre_alone), weights
+            return planned(first), weights
         except NoPathError:
-            if not of_genre_alone:
+            if np.array_equal(first, ranks):
                 raise
-            return planned(False), weights
+            return planned(ranks), weights
     except NoPathError as error:
         if not str(request.constraints.requested):
             raise

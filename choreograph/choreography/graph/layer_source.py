@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
-from choreograph.choreography.graph.candidates import FIRST, AllowedNodes, candidate_clips, take_ranks
+from choreograph.choreography.graph.candidates import FIRST, AllowedNodes, candidate_clips
 from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, node_motifs, song_words_s
 from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
@@ -32,19 +32,16 @@ _TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another 
 def make_layers(
     request: DanceRequest,
     costs: Sequence[WeightedCost],
-    allowed: AllowedNodes | None,
+    ranks: NDArray[np.int8],
     goals: Sequence[SectionGoal],
-    *,
-    of_genre_alone: bool,
 ) -> LayerSource:
     """The layers of every second: clips selected, warped onto the music, and labelled with motifs.
 
-    `of_genre_alone` is that of `take_ranks`.
+    `ranks` are `take_ranks`.
     """
     features, config, repertoire = request.song_features, request.config, request.repertoire
     of_form = [w.cost.returns for w in costs if isinstance(w.cost, FormCost) and w.weight]
     returns = of_form[0] if of_form else None
-    ranks = take_ranks(request, allowed, of_genre_alone=of_genre_alone)
     candidates = candidate_clips(request, goals, costs, ranks, returns)
     used = np.unique(candidates)
     takes = _takes_of(repertoire, used)
@@ -89,7 +86,7 @@ def make_layers(
         returns=returns.returning(n_seconds) if returns else None,
         steer_rad=MAX_STEER_RAD if config.front == "audience" else 0.0,
         walk_at=WALK_AT if as_stage_m(config.stage) else (),
-        may_dance=ranks == FIRST if allowed and config.planner != "motion-graph" else None,
+        may_dance=ranks == FIRST if (ranks != FIRST).any() and config.planner != "motion-graph" else None,
         memory=request.memory.of("layers"),
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 A recording and the file of its song may begin at different times, as in dance-with-melody. So the beats of
 the song are the counts of a take only if the motion is slow on the beats throughout the take. Otherwise a
-pretrained network (`nets.count_phases`) estimates the counts from the motion. Their confidence is the
+pretrained network (`nets.motion_counts`) estimates the counts from the motion. Their confidence is the
 expected share of right counts. If the confidence is too low, or the uncertainty of the counts too high, the
 take stays without counts. Uncertain counts are better than motion beats (`research/results/warping.md`).
 """
@@ -29,6 +29,7 @@ from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
+from choreograph.nets.motion_counts import MotionCounts
 
 MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
 
@@ -162,9 +163,7 @@ def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounte
 
 
 def _counts_by(stored: NetArrays, body_pos_m: NDArray[np.floating]) -> Counts:
-    from choreograph.nets.count_phases import MotionCountsNet
-
-    return MotionCountsNet.from_arrays(stored.weights, stored.config).counts(body_pos_m)
+    return MotionCounts.from_arrays(stored.weights, stored.config).counts(body_pos_m)
 
 
 def counts_from_song(
