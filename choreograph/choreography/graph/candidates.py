@@ -110,7 +110,7 @@ Mask = NDArray[np.bool_]
 
 
 _FEWEST_OF_METRE = 64  # clips of the music's metre without which others are selected beside them
-_SHARE_OF_METRE = 0.75  # of the seconds of a part, in which its metre must be heard
+_SHARE_OF_METRE = 0.75  # of the seconds of a part that have its metre, at least
 _SURE_OF_METRE = 0.5  # confidence of the counts
 
 
