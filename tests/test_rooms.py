@@ -41,7 +41,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "view": BELOW_VIEW,
     "pipeline": (*BELOW_VIEW, "view"),
     "evaluation": (*BELOW_VIEW, "view", "pipeline"),
-    "cli": (*BELOW_VIEW, "view", "pipeline", "evaluation", ""),
+    "studio": (*BELOW_VIEW, "view", "pipeline", "evaluation"),
+    "cli": (*BELOW_VIEW, "view", "pipeline", "evaluation", "studio", ""),
     "__main__": ("cli",),
     "": (),
 }
@@ -65,16 +66,20 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),
     "distributed": ("core.clusters",),
+    "fastapi": ("studio",),
     "fsspec": ("formats.remote",),
     "joblib": ("core.workers",),
     "platformdirs": ("core", "cli"),
     "pxr": ("formats.usd",),
+    "pydantic": ("studio.routes",),
     "rich": ("cli",),
     "sklearn": ("library.motifs",),
     "soundfile": ("music",),
     "soxr": ("music.song",),
+    "starlette": ("studio",),
     "threadpoolctl": ("core.numerics", "library.motifs", "choreography.graph.planners"),
     "torch": ("nets", "core.numerics"),
+    "uvicorn": ("studio.serve",),
 }
 
 
@@ -131,7 +136,7 @@ def test_every_import_is_one_that_its_room_may_have():
         ("choreography.graph.costs", "evaluation.metrics.beat"),
         ("evaluation.metrics.beat", "choreography.graph.costs"),
         ("nets.style", "librosa"),
-        ("studio.server", "core.errors"),
+        ("server.requests", "core.errors"),
         ("core.files", "requests"),
     ],
 )

@@ -88,7 +88,7 @@ _COMMANDS = {
     "build-db": "build_db", "convert": "characters:convert",
     "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "library": "library",
     "retarget": "characters:retarget",
-    "settings": "inspect:settings", "songs": "inspect:songs", "study": "study",
+    "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio", "study": "study",
 }  # fmt: skip
 
 

@@ -109,22 +109,32 @@ def write_page(
         report(30, _STEPS)
     sound, levels, levels_per_s = _sound(song_path, start_s, duration_s, part(report, 30, 95, _STEPS))
     title = title or plan.song or "Dance"
-    dance = {
-        "title": title,
-        "duration_s": round(duration_s, 6),
-        **body.facts,
-        "levels_per_s": levels_per_s,
-        "music_beats_s": _rounded(plan.music_beats_s, duration_s),
-        "music_beat_numbers": _shown_numbers(plan, duration_s),
-        "metre": plan.metre,
-        "motion_beats_s": _rounded(beats_s, duration_s),
-        **_sources(plan, duration_s),
-    }
+    shown = dance_facts(plan, duration_s, title=title, motion_beats_s=beats_s)
+    head = {name: shown.pop(name) for name in ("title", "duration_s")}
+    dance = {**head, **body.facts, "levels_per_s": levels_per_s, **shown}
     text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
     if report is not None:
         report(_STEPS, _STEPS)
+
+
+def dance_facts(
+    plan: Plan, duration_s: float, *, title: str, motion_beats_s: Sequence[float] | NDArray[np.floating]
+) -> dict[str, Any]:
+    """What a page shows of a plan from its start to `duration_s`, as JSON: beats, takes and blocks.
+
+    `motion_beats_s` (Q,) are times in the dance.
+    """
+    return {
+        "title": title,
+        "duration_s": round(duration_s, 6),
+        "music_beats_s": _rounded(plan.music_beats_s, duration_s),
+        "music_beat_numbers": _shown_numbers(plan, duration_s),
+        "metre": plan.metre,
+        "motion_beats_s": _rounded(motion_beats_s, duration_s),
+        **_sources(plan, duration_s),
+    }
 
 
 def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:

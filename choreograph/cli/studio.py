@@ -1,0 +1,60 @@
+"""`choreograph studio`, which serves the studio to a browser on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from choreograph.cli.present import Command, examples, say
+from choreograph.core.errors import ParameterError
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command(
+    cls=Command,
+    short_help="Make a dance and change parts of it in the browser.",
+    epilog=examples(
+        "choreograph studio                       opens an empty studio, into which songs are dropped",
+        "choreograph studio song.mp3              opens the project of a song, song.studio.json beside it",
+        "choreograph studio song.mp3 --db rep.h5 --character hero.glb",
+    ),
+)
+@click.argument("song", required=False, type=_FILE)
+@click.option(
+    "--db", multiple=True, type=_FILE, help="Repertoire to dance with. Repeatable. Default: built in."
+)
+@click.option("--character", type=_FILE, help="The character that dances (.glb, .gltf or .vrm).")
+@click.option("--project", type=_FILE, help="The file of the project. Default: SONG.studio.json.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page. Default: a free one."
+)
+@click.option("--host", default="127.0.0.1", help="Address to serve. Others than 127.0.0.1 need a token.")
+@click.option("--no-browser", is_flag=True, help="Print the address and open no browser.")
+def command(
+    song: Path | None,
+    db: tuple[Path, ...],
+    character: Path | None,
+    project: Path | None,
+    port: int,
+    host: str,
+    no_browser: bool,
+) -> None:
+    """Make a dance for SONG and change parts of it, in the browser.
+
+    All changes are kept in the file of the project as they are made, and can be undone.
+    """
+    try:
+        from choreograph.studio.serve import serve
+    except ModuleNotFoundError as error:
+        raise ParameterError(
+            f"expected the extra `studio`, got no {error.name}: run pip install 'choreograph[studio]'"
+        ) from None
+    from choreograph.library.builtin import as_repertoire
+    from choreograph.studio.start import start
+
+    service = start(song, as_repertoire(db), project=project, character=character)
+    serve(
+        service, host, port, opened=not no_browser, ready=lambda address: say(f"The studio is at {address}")
+    )

@@ -1,0 +1,1 @@
+"""The studio: a local web server that makes dances, changes parts of them and keeps every step."""

@@ -1,0 +1,425 @@
+"""The desk of the studio: a song, a repertoire and the project, and everything that changes the dance.
+
+It knows nothing of HTTP. What changes the dance runs in one thread, one after another. A change is first
+written to the file of the project, and is then the newest state. If it cannot be written, nothing changes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from choreograph.choreography.constraints import Keep, parse_ban
+from choreograph.choreography.edits import EditRequest
+from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.numerics import Memory, RecentItems, default_numerics, one_thread
+from choreograph.core.progress import ProgressReport, substage
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.music.song import Song, load_song
+from choreograph.music.song_features import SongFeatures
+from choreograph.pipeline.alternatives import alternatives
+from choreograph.pipeline.dancing import Dance, dance_with
+from choreograph.pipeline.editing import edit
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedEdit
+from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
+from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data, whole_facts
+from choreograph.studio.project import Project, Settings, Span, Step, joined
+from choreograph.studio.project_file import ProjectFile, project_path
+from choreograph.studio.refusals import ConflictError, NotFoundError
+
+_MEMORY_BYTES = 1 << 28  # of what dances to one song have in common
+_MOTION_BYTES = 1 << 26  # of motions of steps, so that undo shows at once
+_BESIDE_S = 0.5  # of the dance on either side of an alternative
+_MOST_ALTERNATIVES = 24
+_SHORTEST_LEFT_S = 0.05  # of a locked part. Shorter ones are left out
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """What the studio shows, all of one moment."""
+
+    project: Project
+    song: Song | None = None
+    features: SongFeatures | None = None  # of the song, once there is a dance
+    dance: Dance | None = None  # of the current step
+    changed: tuple[Span, ...] = ()  # by the last change
+
+
+@dataclass(frozen=True, eq=False)
+class _Offer:
+    """An alternative that was shown, and may be chosen."""
+
+    revision: int  # of the dance that it changes
+    edit: PlannedEdit
+    why: str
+
+
+class Desk:
+    """The state of the studio. Other threads only read it."""
+
+    def __init__(self, folder: Path, repertoire: Repertoire) -> None:
+        self.folder = folder
+        self.repertoire = repertoire
+        self.state = State(Project("", repertoire.path.name))  # replaced as a whole
+        self._file: ProjectFile | None = None
+        self._memory = Memory(_MEMORY_BYTES)
+        self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
+        self._offers: dict[str, _Offer] = {}
+        self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
+        self._facts: dict[str, tuple[int, dict[str, Any]]] = {}  # by what they are of, with their step
+
+    @property
+    def project(self) -> Project:
+        """The newest project."""
+        return self.state.project
+
+    @property
+    def file(self) -> Path | None:
+        """The file of the project, or None without a song."""
+        return None if self._file is None else self._file.path
+
+    def close(self) -> None:
+        """Release the file of the project."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    # Opening a song.
+
+    def open(self, song_path: Path, file_path: Path | None = None) -> None:
+        """Lock and read the project of a song, or begin one. The song is read by `load`.
+
+        Raises `ChoreographError` if another process works with the project, and `FormatError` if its file is
+        damaged or of another song.
+        """
+        path = project_path(song_path) if file_path is None else file_path
+        if path.parent.resolve() != song_path.parent.resolve():
+            raise ParameterError(f"expected the project beside its song {song_path}, got {path}")
+        is_open = self._file is not None and self._file.path.resolve() == path.resolve()
+        file = self._file if is_open and self._file is not None else ProjectFile(path)
+        try:
+            project = file.read()
+            if project is not None and project.song != song_path.name:
+                raise FormatError(
+                    f"{path}: expected a project of {song_path.name}, got one of {project.song!r}"
+                )
+        except FormatError:
+            if not is_open:
+                file.close()
+            raise
+        if not is_open:
+            self.close()
+        if project is None:
+            project = Project(song_path.name, self.repertoire.path.name, settings=self.project.settings)
+        self._file, self.folder = file, path.parent
+        self._forget(project)
+
+    def _forget(self, project: Project) -> None:
+        """Begin with a project whose song and dance are not read yet."""
+        self._memory, self._motions = Memory(_MEMORY_BYTES), RecentItems(_MOTION_BYTES)
+        self._offers, self._facts = {}, {}
+        self.state = State(project)
+
+    @default_numerics()
+    def load(self, song: Song | None, report: ProgressReport | None, *, with_dance: bool = True) -> None:
+        """Read the song of the project, or take it as given, and show its dance. The first one is made.
+
+        Raises as `load_song`, `render` and `dance`.
+        """
+        if song is None:
+            if report is not None:
+                report("reading the song", 0, 0)
+            song = load_song(self.folder / self.project.song)
+        self.state = replace(self.state, song=song)
+        current = self.project.current
+        if current is not None:
+            if self.project.repertoire != self.repertoire.path.name:
+                raise ParameterError(
+                    f"expected the repertoire {self.project.repertoire} of the project, got "
+                    f"{self.repertoire.path.name}: open the studio with --db"
+                )
+            dance = self._dance_of(current, report)
+            self.state = replace(self.state, dance=dance, features=self._features(self.project))
+        elif with_dance:
+            self.dance_again(self.project.revision, {}, report)
+
+    # The dance and what is shown of it.
+
+    def _features(self, project: Project) -> SongFeatures:
+        """The features of the song, which are kept from its analysis for the dance."""
+        settings = project.settings
+        found, _ = analyse_song(
+            self.song(), self.repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
+            memory=self._memory,
+        )  # fmt: skip
+        return found
+
+    def song(self) -> Song:
+        """The song of the project. Raises `NotFoundError` if there is none."""
+        if self.state.song is None:
+            raise NotFoundError("expected a song, got none yet: open one first")
+        return self.state.song
+
+    def current(self) -> tuple[Step, Dance]:
+        """The current step and its dance. Raises `NotFoundError` if there is none."""
+        state = self.state
+        step, dance = state.project.current, state.dance
+        if step is None or dance is None:
+            raise NotFoundError("expected a dance, got none yet: open a song first")
+        return step, dance
+
+    def mannequin(self) -> tuple[str, dict[str, Any]]:
+        """The mesh of the repertoire's body, and its facts."""
+        if self._mannequin is None or self._mannequin[0] is not self.repertoire:
+            self._mannequin = self.repertoire, mannequin_facts(self.repertoire)
+        return self._mannequin[1]
+
+    def facts(self, slot: str = "") -> dict[str, Any]:
+        """The facts of the dance, or of version A or B. Raises `NotFoundError` if there is none."""
+        step, dance = self.version(slot) if slot else self.current()
+        kept = self._facts.get(slot)
+        features = self.state.features
+        if kept is None or kept[0] != step.number:
+            assert features is not None
+            kept = step.number, whole_facts(dance, features, self.mannequin()[1])
+            self._facts[slot] = kept
+        return kept[1]
+
+    def version(self, slot: str) -> tuple[Step, Dance]:
+        """The step of version A or B, and its dance. Raises `NotFoundError` if there is none."""
+        if slot not in self.project.versions:
+            raise NotFoundError(f"expected a version that was kept, got {slot[:20]!r}")
+        step = self.project.steps[self.project.versions[slot]]
+        return step, self._dance_of(step, None)
+
+    def _dance_of(self, step: Step, report: ProgressReport | None) -> Dance:
+        plan = step.plan()
+        motion = self._motion_of(step, plan, report)
+        return Dance(motion, plan, off_stage(motion, plan.stage), self.song().path)
+
+    @one_thread()
+    def _motion_of(self, step: Step, plan: Plan, report: ProgressReport | None) -> Motion:
+        """The motion of a step: that of the nearest step before it which is known, with further edits."""
+        todo: list[PlannedEdit] = []
+        known, motion = step, self._motions.get(step.number)
+        while motion is None and known.parent is not None:
+            parent = self.project.steps[known.parent]
+            todo = [*known.edits[len(parent.edits) :], *todo]
+            known, motion = parent, self._motions.get(parent.number)
+        if motion is None:
+            rendering = substage(report, "rendering")
+            base = replace(plan, edits=())
+            motion = render_planned(base, self.repertoire, self._memory, report=rendering)
+            todo = list(step.edits)
+        read_motion = take_motions(self.repertoire)
+        for one in todo:
+            motion = with_edit(motion, plan, one, read_motion)
+        self._keep_motion(step, motion)
+        return motion
+
+    def _keep_motion(self, step: Step, motion: Motion) -> None:
+        self._motions.keep(step.number, motion, motion.root_pos_m.nbytes + motion.local_quat.nbytes)
+
+    # Changes. Each is written before it is shown.
+
+    def _saved(self, project: Project, **shown: Any) -> None:
+        """Write the project, which is then shown. Raises `ChoreographError` if it cannot be written."""
+        if self._file is not None:
+            self._file.write(project)
+        self.state = replace(self.state, project=project, **shown)
+
+    def check(self, revision: int) -> None:
+        """Raise `ConflictError` unless a revision is the newest."""
+        if revision != self.project.revision:
+            raise ConflictError(
+                f"expected a change of revision {self.project.revision}, got one of {revision}: another page "
+                "or a change before it was faster"
+            )
+
+    def _with_dance(self, request: str, made: Dance, settings: Settings, *, edited: bool) -> None:
+        before = self.state.dance
+        changed = [] if before is None else changed_spans(before.motion, made.motion)
+        project = self.project.with_dance(request, made.plan, settings, changed, edited=edited)
+        step = project.current
+        assert step is not None
+        features = self._features(project)
+        self._saved(project, dance=made, changed=step.changed, features=features)
+        self._keep_motion(step, made.motion)
+
+    def change_settings(
+        self,
+        revision: int,
+        changes: dict[str, Any],
+        report: ProgressReport | None = None,
+        *,
+        keep_locked: bool = True,
+        span: Span | None = None,
+    ) -> None:
+        """Change settings and make the dance again, if there is a song. Raises as `dance_again`."""
+        self.check(revision)
+        if self.state.song is None:
+            self._saved(self.project.with_settings(self.project.settings.changed(changes)))
+            return
+        self.dance_again(revision, changes, report, keep_locked=keep_locked, span=span)
+
+    @default_numerics()
+    def dance_again(
+        self,
+        revision: int,
+        changes: dict[str, Any],
+        report: ProgressReport | None = None,
+        *,
+        keep_locked: bool = True,
+        span: Span | None = None,
+    ) -> None:
+        """Make the dance with some settings changed, all of it or a span. Locked parts are kept.
+
+        Raises `ConflictError` for an old revision, `ParameterError` for a setting that is not valid, and as
+        `choreograph.dance`.
+        """
+        self.check(revision)
+        song, project = self.song(), self.project
+        settings = project.settings.changed(changes)
+        kept = self._kept(keep_locked, span)
+        again: dict[str, Any] = {"existing": self.state.dance, "keep": kept} if kept else {}
+        config = settings.config()
+        if settings.engine != "graph":  # the others have no built-in costs
+            config = replace(config, weights={})
+        made = dance_with(
+            self._memory, song, self.repertoire, genre=settings.genre, engine=settings.engine,
+            config=config,
+            bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
+        )  # fmt: skip
+        what = json.dumps(changes) if changes else "dance"
+        where = "" if span is None else f" {span[0]:g}-{span[1]:g}"
+        # A setting of one span is not that of the whole dance.
+        kept_settings = settings if span is None else project.settings
+        self._with_dance(f"{what}{where}", made, kept_settings, edited=bool(kept))
+
+    def _kept(self, keep_locked: bool, span: Span | None) -> list[Keep]:
+        """What is kept when the dance is made again: locked parts, and all outside of the span."""
+        if self.state.dance is None:
+            return []
+        duration_s = self.state.dance.plan.duration_s
+        kept = list(self.project.locks) if keep_locked else []
+        if span is not None:
+            [(start_s, end_s)] = joined([span], duration_s)
+            kept += [
+                one for one in ((0.0, start_s), (end_s, duration_s)) if one[1] - one[0] > _SHORTEST_LEFT_S
+            ]
+        return [Keep(*one) for one in joined(kept, duration_s)]
+
+    def edit(
+        self,
+        revision: int,
+        requests: Sequence[EditRequest],
+        seed: int = 0,
+        report: ProgressReport | None = None,
+        *,
+        bans: Sequence[str] = (),
+    ) -> None:
+        """Edit the dance. `bans` are also not danced when it is made again.
+
+        Raises `ConflictError` for an old revision, `ParameterError` if the edit changes a locked part, and as
+        `choreograph.edit`.
+        """
+        self.check(revision)
+        _, dance = self.current()
+        made = edit(dance, requests, self.repertoire, seed=seed, report=report)
+        new = made.plan.edits[len(dance.plan.edits) :]
+        self._check_locks(new)
+        settings = self.project.settings
+        settings = settings.changed({"bans": list(dict.fromkeys((*settings.bans, *bans)))})
+        if new:
+            self._with_dance(
+                ", ".join(dict.fromkeys(one.request for one in new)), made, settings, edited=True
+            )
+        else:  # what is banned is not danced
+            self._saved(self.project.with_settings(settings), changed=())
+
+    def _check_locks(self, edits: Sequence[PlannedEdit]) -> None:
+        for one in edits:
+            for start_s, end_s in self.project.locks:
+                if one.start_s < end_s - _SHORTEST_LEFT_S and one.end_s > start_s + _SHORTEST_LEFT_S:
+                    raise ParameterError(
+                        f"expected an edit outside of what is locked, {start_s:.1f} to {end_s:.1f} s, got "
+                        f"one of {one.start_s:.1f} to {one.end_s:.1f} s with its transitions: unlock it, or "
+                        "leave two counts"
+                    )
+
+    def alternatives(
+        self, revision: int, span: Span, n: int, report: ProgressReport | None = None
+    ) -> list[dict[str, Any]]:
+        """What else could be danced in a span, with the motion of the span and half a second beside it.
+
+        Raises as `Session.alternatives`, and `ConflictError` for an old revision.
+        """
+        self.check(revision)
+        if not 1 <= n <= _MOST_ALTERNATIVES:
+            raise ParameterError(f"expected 1 to {_MOST_ALTERNATIVES} alternatives, got {n}")
+        _, dance = self.current()
+        if report is not None:
+            report("looking for alternatives", 0, 0)
+        found = alternatives(dance, self.repertoire, span, n)
+        self._offers, shown = {}, []
+        for index, one in enumerate(found):
+            id = f"{revision}-{index}"
+            self._offers[id] = _Offer(revision, one.dance.plan.edits[-1], one.why)
+            motion, fps = one.dance.motion, one.dance.motion.fps
+            first = max(0, round((one.start_s - _BESIDE_S) * fps))
+            part = motion.sliced(first, min(motion.n_frames, round((one.end_s + _BESIDE_S) * fps)))
+            words = one.dance.plan.edits[-1].words
+            shown.append(
+                {
+                    "id": id, "start_s": one.start_s, "end_s": one.end_s, "from_s": first / fps,
+                    "cost": round(one.cost, 4), "costs": one.costs, "why": one.why,
+                    "take": words[len(words) // 2].take, "genre": words[len(words) // 2].credits.genre,
+                    **motion_data(part, small=True),
+                }
+            )  # fmt: skip
+        return shown
+
+    @one_thread()
+    def choose(self, revision: int, id: str) -> None:
+        """Dance an alternative that was shown.
+
+        Raises `NotFoundError` if there is none of this id, and as `edit`.
+        """
+        self.check(revision)
+        _, dance = self.current()
+        offer = self._offers.get(id)
+        if offer is None or offer.revision != revision:
+            raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
+        self._check_locks([offer.edit])
+        plan = replace(dance.plan, edits=(*dance.plan.edits, offer.edit))
+        motion = with_edit(dance.motion, plan, offer.edit, take_motions(self.repertoire))
+        made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path)
+        self._with_dance(f"{offer.edit.request}: {offer.why}", made, self.project.settings, edited=True)
+
+    def move(self, revision: int, *, back: bool) -> None:
+        """Undo a step, or redo one that was undone. Raises `ParameterError` if there is none."""
+        self.check(revision)
+        before = self.state.dance
+        project = self.project.undone() if back else self.project.redone()
+        step = project.current
+        assert step is not None
+        made = self._dance_of(step, None)
+        changed = () if before is None else tuple(changed_spans(before.motion, made.motion))
+        self._saved(project, dance=made, changed=changed, features=self._features(project))
+
+    def lock(self, revision: int, locks: Sequence[Span]) -> None:
+        """Lock these parts, and no others."""
+        self.check(revision)
+        _, dance = self.current()
+        self._saved(self.project.with_locks(locks, dance.plan.duration_s))
+
+    def keep_version(self, slot: str) -> None:
+        """Keep the dance as version A or B."""
+        self.current()
+        self._saved(self.project.with_version(slot))

@@ -1,0 +1,71 @@
+"""Edits of parts of the dance, and alternatives to choose from."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+
+from choreograph.choreography.constraints import MotifPin, TakePin, parse_ban
+from choreograph.choreography.edits import EditRequest, Repeat, Swap, Vary
+from choreograph.core.errors import ParameterError
+from choreograph.studio.routes.bodies import AlternativesBody, ChooseBody, EditBody
+from choreograph.studio.service import Service
+
+
+def router(service: Service) -> APIRouter:
+    """The addresses of edits."""
+    made, desk = APIRouter(tags=["edits"]), service.desk
+
+    @made.post("/api/edit", status_code=202)
+    def edit(body: EditBody) -> dict[str, Any]:
+        """Change one part of the dance. All else stays as it is."""
+        desk.check(body.revision)
+        request = edit_request(body)
+        bans = [str(request)] if body.kind == "ban" else []
+        job = service.change(
+            body.kind, lambda job: desk.edit(body.revision, [request], body.seed, job.report, bans=bans)
+        )
+        return {"job": job.id}
+
+    @made.post("/api/alternatives", status_code=202)
+    def alternatives(body: AlternativesBody) -> dict[str, Any]:
+        """Find what else could be danced in a span."""
+        desk.check(body.revision)
+        span = body.from_s, body.to_s
+        job = service.jobs.start(
+            "alternatives", lambda job: desk.alternatives(body.revision, span, body.n, job.report)
+        )
+        return {"job": job.id}
+
+    @made.post("/api/choose")
+    def choose(body: ChooseBody) -> dict[str, Any]:
+        """Dance an alternative."""
+        return service.change_now("choose", lambda job: desk.choose(body.revision, body.id))
+
+    return made
+
+
+def edit_request(body: EditBody) -> EditRequest:
+    """The edit of a body. Raises `ParameterError` if it lacks a value that its kind needs."""
+
+    def needed(name: str, value: Any) -> Any:
+        if value is None:
+            raise ParameterError(f"expected {name} beside the kind {body.kind}, got none")
+        return value
+
+    if body.kind == "ban":
+        if body.ban is not None:
+            return parse_ban(body.ban)
+        return parse_ban(f"take:{body.take}" if body.motif is None else f"motif:{body.motif}")
+    if body.kind == "pin_motif":
+        at_s = body.from_s if body.at is None else body.at
+        return MotifPin(needed("at", at_s), needed("motif", body.motif))
+    start_s, end_s = needed("from", body.from_s), needed("to", body.to_s)
+    if body.kind == "swap":
+        return Swap(start_s, end_s)
+    if body.kind == "vary":
+        return Vary(start_s, end_s)
+    if body.kind == "repeat":
+        return Repeat(start_s, end_s, needed("at", body.at), body.mirrored)
+    return TakePin(start_s, end_s, needed("take", body.take))

@@ -1,0 +1,155 @@
+"""The service of the studio: the desk, its jobs, its news for pages, and files for as long as it runs."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from choreograph.library.repertoire import Repertoire
+from choreograph.studio.desk import Desk
+from choreograph.studio.jobs import Job, Jobs
+from choreograph.studio.sentences import weight_choices
+from choreograph.view.page_data import deflate_base64
+from choreograph.view.sound import Levels, encode_mp4, song_part
+
+ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
+_LEVELS_PER_S = 50
+_BEAT_S = 15.0  # between signs of life of the stream of events
+
+
+class News:
+    """Sends news to all pages that listen."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._listeners: list[tuple[asyncio.AbstractEventLoop, asyncio.Queue[dict[str, Any]]]] = []
+
+    def tell(self, news: dict[str, Any]) -> None:
+        """Send news from any thread."""
+        with self._lock:
+            for loop, waiting in self._listeners:
+                if not loop.is_closed():
+                    loop.call_soon_threadsafe(waiting.put_nowait, news)
+
+    async def stream(self) -> AsyncIterator[str]:
+        """Server-sent events, until the page no longer listens."""
+        listener = asyncio.get_running_loop(), asyncio.Queue[dict[str, Any]]()
+        with self._lock:
+            self._listeners.append(listener)
+        try:
+            yield ": welcome\n\n"
+            while True:
+                try:
+                    news = await asyncio.wait_for(listener[1].get(), _BEAT_S)
+                except TimeoutError:
+                    yield ": alive\n\n"
+                    continue
+                yield f"data: {json.dumps(news)}\n\n"
+        finally:
+            with self._lock:
+                self._listeners.remove(listener)
+
+
+@dataclass(frozen=True)
+class Sound:
+    """The song as pages play and draw it."""
+
+    path: Path  # AAC in MP4
+    levels: str  # as in the page of `choreograph dance`
+    levels_per_s: float
+
+
+class Service:
+    """One studio, which serves any number of pages."""
+
+    def __init__(self, folder: Path, repertoire: Repertoire) -> None:
+        self.desk = Desk(folder, repertoire)
+        self.news = News()
+        self.jobs = Jobs(
+            lambda job: self.news.tell({"job": job.facts | {"result": None, "log": job.log[-1:]}})
+        )
+        self._scratch = TemporaryDirectory(prefix="choreograph-studio-")
+        self.scratch = Path(self._scratch.name)
+        self._sound: tuple[Path, Sound] | None = None
+        self._lock = threading.Lock()
+
+    def close(self) -> None:
+        """End all jobs, and release the project."""
+        self.jobs.close()
+        self.desk.close()
+        self._scratch.cleanup()
+
+    def change(self, kind: str, work: Callable[[Job], object]) -> Job:
+        """Begin a job that changes the dance. Its result is the new revision."""
+        return self.jobs.start(kind, lambda job: self._told(work, job))
+
+    def change_now(self, kind: str, work: Callable[[Job], object]) -> dict[str, Any]:
+        """Change something in the order of the jobs, and return the new state."""
+        self.jobs.do(kind, lambda job: self._told(work, job))
+        return self.state()
+
+    def _told(self, work: Callable[[Job], object], job: Job) -> dict[str, Any]:
+        work(job)
+        revision = self.desk.project.revision
+        self.news.tell({"state": revision})
+        return {"revision": revision}
+
+    def sound(self) -> Sound:
+        """The song of the project, encoded once. Raises `NotFoundError` without one, else `FormatError`."""
+        song = self.desk.song()
+        assert song.path is not None  # it was read from a file
+        with self._lock:
+            if self._sound is None or self._sound[0] != song.path:
+                levels = Levels(_LEVELS_PER_S)
+                part = song_part(song.path, start_s=song.start_s, duration_s=song.duration_s)
+                path = self.scratch / "song.mp4"
+                path.write_bytes(encode_mp4(levels.through(part)))
+                planes = deflate_base64(levels.to_bytes().T.tobytes())
+                self._sound = song.path, Sound(path, planes, levels.bins_per_s)
+            return self._sound[1]
+
+    @contextmanager
+    def scratch_file(self, name: str) -> Iterator[Path]:
+        """A folder for one file, which is removed at the end of the block."""
+        with TemporaryDirectory(dir=self.scratch) as folder:
+            yield Path(folder) / name
+
+    def state(self) -> dict[str, Any]:
+        """What pages show, as JSON."""
+        desk, state = self.desk, self.desk.state
+        project, song = state.project, state.song
+        takes = desk.repertoire.takes
+        genres = sorted({take.credits.genre for take in takes} - {""})
+        settings = project.settings
+        return {
+            "revision": project.revision,
+            "project": {"name": project.song, "file": None if desk.file is None else desk.file.name},
+            "song": None if song is None else {"name": song.name, "duration_s": round(song.duration_s, 6)},
+            "repertoire": {
+                "name": desk.repertoire.path.name, "takes": len(takes), "clips": desk.repertoire.n_clips,
+                "genres": genres,
+            },
+            "settings": {
+                "engine": settings.engine, "seed": settings.seed, "genre": settings.genre,
+                "dynamics": settings.dynamics, "front": settings.front, "stage": settings.stage,
+                "weights": dict(settings.weights), "bans": list(settings.bans),
+            },
+            "choices": {
+                "engines": list(ENGINES), "genres": genres, "fronts": ["audience", "free"],
+                "weights": weight_choices(),
+            },
+            "locks": [list(span) for span in project.locks],
+            "can_undo": project.can_undo, "can_redo": project.can_redo,
+            "changed": [list(span) for span in state.changed],
+            "request": "" if project.current is None else project.current.request,
+            "dance": None if state.dance is None or state.features is None else desk.facts(),
+            "character": None,
+            "versions": {slot: project.versions.get(slot) for slot in ("A", "B")},
+        }  # fmt: skip
