@@ -139,7 +139,7 @@ def _show_tables(results: StudyResults) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from choreograph.evaluation.study import PAIR_QUESTIONS, QUESTIONS
+    from choreograph.evaluation.study import BETTER, PAIR_QUESTIONS, QUESTIONS
 
     console = table_console()
     raters, songs = counted(results.n_raters, "rater"), counted(results.n_songs, "song")
@@ -159,7 +159,7 @@ def _show_tables(results: StudyResults) -> None:
         for difference in (d for d in results.differences if d.question == question.id):
             unclear = "" if difference.is_clear else ", not significant"
             say(f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}")
-    for pair_question in PAIR_QUESTIONS:
+    for pair_question in (*PAIR_QUESTIONS, BETTER):
         preferences = [p for p in results.preferences if p.question == pair_question.id]
         if preferences:
             asked = Text(pair_question.text.format(genre="of the genre"), style="bold")

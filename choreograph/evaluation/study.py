@@ -92,6 +92,8 @@ PAIR_QUESTIONS = (
     PairQuestion("computer", "Computer", "Which was made by a computer? If both were: which looks more so?"),
 )
 
+BETTER = PairQuestion("better", "Better", "Which is better?")  # of two versions in the studio
+
 
 def pair_questions(genre: str) -> list[dict[str, str]]:
     """The questions about a pair of dances of a genre, as the page shows them. "" is no genre."""

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
-from choreograph.evaluation.study import KEY_FORMAT, KEY_NAME, PAIR_QUESTIONS, QUESTIONS, VERSION
+from choreograph.evaluation.study import (
+    BETTER,
+    KEY_FORMAT,
+    KEY_NAME,
+    PAIR_QUESTIONS,
+    QUESTIONS,
+    VERSION,
+)
 
 # The files of a study as they come back: its key, and the raters' answers, checked against it.
 
@@ -100,7 +107,7 @@ def _check_format(path: Path, data: Mapping[str, Any], expected: str, cure: str)
 
 
 def _pairs(path: Path, pairs: Any, dances: Mapping[str, DanceEntry]) -> dict[str, PairEntry]:
-    known = {question.id for question in PAIR_QUESTIONS}
+    known = {question.id for question in (*PAIR_QUESTIONS, BETTER)}
     entries: dict[str, PairEntry] = {}
     for pair in pairs if isinstance(pairs, list) else [None]:
         if not (isinstance(pair, dict) and set(pair) == _PAIR_KEYS and _is_pair(pair["dances"], dances)):

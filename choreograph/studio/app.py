@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,15 @@ from starlette.exceptions import HTTPException
 
 from choreograph.core.errors import ChoreographError
 from choreograph.studio.refusals import ConflictError, NotFoundError, Refusal
-from choreograph.studio.routes import dances, edits, songs, work
+from choreograph.studio.routes import comparing, dances, edits, explaining, files, songs, work
 from choreograph.studio.safety import Access, Guard
 from choreograph.studio.service import Service
 
-_MOST_BYTES = {"/api/song": songs.MOST_BYTES}
+_MOST_BYTES = {
+    "/api/song": songs.MOST_BYTES,
+    "/api/character": files.MOST_CHARACTER_BYTES,
+    "/api/build": files.MOST_TAKE_BYTES,
+}
 _TYPES = {
     ".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml",
     ".json": "application/json", ".txt": "text/plain", "": "text/plain",
@@ -30,7 +35,7 @@ def make_app(service: Service, access: Access) -> FastAPI:
         title="choreograph studio", version="1", docs_url=None, redoc_url=None,
         openapi_url="/api/openapi.json", description="Makes dances for a song, and changes parts of them.",
     )  # fmt: skip
-    for part in (dances, edits, songs, work):
+    for part in (dances, edits, explaining, comparing, songs, files, work):
         app.include_router(part.router(service))
     _add_page(app)
     app.add_middleware(Guard, access=access, most_bytes=_MOST_BYTES)
@@ -38,7 +43,7 @@ def make_app(service: Service, access: Access) -> FastAPI:
     @app.exception_handler(ChoreographError)
     def refused(request: Request, error: Exception) -> JSONResponse:
         status = error.status if isinstance(error, Refusal) else 400
-        content: dict[str, Any] = {"error": str(error)}
+        content: dict[str, Any] = {"error": str(error).replace(f"{service.desk.folder}{os.sep}", "")}
         if isinstance(error, ConflictError):
             content["state"] = service.state()
         return JSONResponse(content, status)

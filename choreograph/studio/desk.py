@@ -7,7 +7,7 @@ written to the file of the project, and is then the newest state. If it cannot b
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data
 from choreograph.studio.project import Project, Settings, Span, Step, joined
 from choreograph.studio.project_file import ProjectFile, project_path
 from choreograph.studio.refusals import ConflictError, NotFoundError
+from choreograph.studio.shelf import Shelf
 
 _MEMORY_BYTES = 1 << 28  # of what dances to one song have in common
 _MOTION_BYTES = 1 << 26  # of motions of steps, so that undo shows at once
@@ -45,6 +46,7 @@ class State:
     """What the studio shows, all of one moment."""
 
     project: Project
+    repertoire: Repertoire  # of its settings
     song: Song | None = None
     features: SongFeatures | None = None  # of the song, once there is a dance
     dance: Dance | None = None  # of the current step
@@ -65,10 +67,11 @@ class Desk:
 
     def __init__(self, folder: Path, repertoire: Repertoire) -> None:
         self.folder = folder
-        self.repertoire = repertoire
-        self.state = State(Project("", repertoire.path.name))  # replaced as a whole
+        self.shelf = Shelf(repertoire)
+        settings = Settings(repertoire=repertoire.path.name)
+        self.state = State(Project("", settings=settings), repertoire)  # replaced as a whole
         self._file: ProjectFile | None = None
-        self._memory = Memory(_MEMORY_BYTES)
+        self._memory = repertoire, Memory(_MEMORY_BYTES)
         self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
         self._offers: dict[str, _Offer] = {}
         self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
@@ -116,15 +119,16 @@ class Desk:
         if not is_open:
             self.close()
         if project is None:
-            project = Project(song_path.name, self.repertoire.path.name, settings=self.project.settings)
+            project = Project(song_path.name, settings=self.project.settings)
         self._file, self.folder = file, path.parent
         self._forget(project)
 
     def _forget(self, project: Project) -> None:
         """Begin with a project whose song and dance are not read yet."""
-        self._memory, self._motions = Memory(_MEMORY_BYTES), RecentItems(_MOTION_BYTES)
+        repertoire = self.shelf.open(project.settings.repertoire, self.folder)
+        self._memory, self._motions = (repertoire, Memory(_MEMORY_BYTES)), RecentItems(_MOTION_BYTES)
         self._offers, self._facts = {}, {}
-        self.state = State(project)
+        self.state = State(project, repertoire)
 
     @default_numerics()
     def load(self, song: Song | None, report: ProgressReport | None, *, with_dance: bool = True) -> None:
@@ -139,11 +143,6 @@ class Desk:
         self.state = replace(self.state, song=song)
         current = self.project.current
         if current is not None:
-            if self.project.repertoire != self.repertoire.path.name:
-                raise ParameterError(
-                    f"expected the repertoire {self.project.repertoire} of the project, got "
-                    f"{self.repertoire.path.name}: open the studio with --db"
-                )
             dance = self._dance_of(current, report)
             self.state = replace(self.state, dance=dance, features=self._features(self.project))
         elif with_dance:
@@ -154,9 +153,10 @@ class Desk:
     def _features(self, project: Project) -> SongFeatures:
         """The features of the song, which are kept from its analysis for the dance."""
         settings = project.settings
+        repertoire = self.shelf.open(settings.repertoire, self.folder)
         found, _ = analyse_song(
-            self.song(), self.repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
-            memory=self._memory,
+            self.song(), repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
+            memory=self._memory_of(repertoire),
         )  # fmt: skip
         return found
 
@@ -174,10 +174,17 @@ class Desk:
             raise NotFoundError("expected a dance, got none yet: open a song first")
         return step, dance
 
+    def _memory_of(self, repertoire: Repertoire) -> Memory:
+        """The memory of the repertoire that was used last."""
+        if repertoire is not self._memory[0]:
+            self._memory = repertoire, Memory(_MEMORY_BYTES)
+        return self._memory[1]
+
     def mannequin(self) -> tuple[str, dict[str, Any]]:
         """The mesh of the repertoire's body, and its facts."""
-        if self._mannequin is None or self._mannequin[0] is not self.repertoire:
-            self._mannequin = self.repertoire, mannequin_facts(self.repertoire)
+        repertoire = self.state.repertoire
+        if self._mannequin is None or self._mannequin[0] is not repertoire:
+            self._mannequin = repertoire, mannequin_facts(repertoire)
         return self._mannequin[1]
 
     def facts(self, slot: str = "") -> dict[str, Any]:
@@ -206,6 +213,7 @@ class Desk:
     @one_thread()
     def _motion_of(self, step: Step, plan: Plan, report: ProgressReport | None) -> Motion:
         """The motion of a step: that of the nearest step before it which is known, with further edits."""
+        repertoire = self.shelf.open(step.settings.repertoire, self.folder)
         todo: list[PlannedEdit] = []
         known, motion = step, self._motions.get(step.number)
         while motion is None and known.parent is not None:
@@ -215,9 +223,10 @@ class Desk:
         if motion is None:
             rendering = substage(report, "rendering")
             base = replace(plan, edits=())
-            motion = render_planned(base, self.repertoire, self._memory, report=rendering)
+            memory = self._memory_of(repertoire)
+            motion = render_planned(base, repertoire, memory, report=rendering)
             todo = list(step.edits)
-        read_motion = take_motions(self.repertoire)
+        read_motion = take_motions(repertoire)
         for one in todo:
             motion = with_edit(motion, plan, one, read_motion)
         self._keep_motion(step, motion)
@@ -232,7 +241,8 @@ class Desk:
         """Write the project, which is then shown. Raises `ChoreographError` if it cannot be written."""
         if self._file is not None:
             self._file.write(project)
-        self.state = replace(self.state, project=project, **shown)
+        repertoire = self.shelf.open(project.settings.repertoire, self.folder)
+        self.state = replace(self.state, project=project, repertoire=repertoire, **shown)
 
     def check(self, revision: int) -> None:
         """Raise `ConflictError` unless a revision is the newest."""
@@ -286,13 +296,16 @@ class Desk:
         self.check(revision)
         song, project = self.song(), self.project
         settings = project.settings.changed(changes)
+        if settings.repertoire != project.settings.repertoire:
+            keep_locked, span = False, None  # what would be kept has takes of the other repertoire
+        repertoire = self.shelf.open(settings.repertoire, self.folder)
         kept = self._kept(keep_locked, span)
         again: dict[str, Any] = {"existing": self.state.dance, "keep": kept} if kept else {}
         config = settings.config()
         if settings.engine != "graph":  # the others have no built-in costs
             config = replace(config, weights={})
         made = dance_with(
-            self._memory, song, self.repertoire, genre=settings.genre, engine=settings.engine,
+            self._memory_of(repertoire), song, repertoire, genre=settings.genre, engine=settings.engine,
             config=config,
             bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
         )  # fmt: skip
@@ -331,7 +344,7 @@ class Desk:
         """
         self.check(revision)
         _, dance = self.current()
-        made = edit(dance, requests, self.repertoire, seed=seed, report=report)
+        made = edit(dance, requests, self.state.repertoire, seed=seed, report=report)
         new = made.plan.edits[len(dance.plan.edits) :]
         self._check_locks(new)
         settings = self.project.settings
@@ -366,7 +379,7 @@ class Desk:
         _, dance = self.current()
         if report is not None:
             report("looking for alternatives", 0, 0)
-        found = alternatives(dance, self.repertoire, span, n)
+        found = alternatives(dance, self.state.repertoire, span, n)
         self._offers, shown = {}, []
         for index, one in enumerate(found):
             id = f"{revision}-{index}"
@@ -398,7 +411,7 @@ class Desk:
             raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
         self._check_locks([offer.edit])
         plan = replace(dance.plan, edits=(*dance.plan.edits, offer.edit))
-        motion = with_edit(dance.motion, plan, offer.edit, take_motions(self.repertoire))
+        motion = with_edit(dance.motion, plan, offer.edit, take_motions(self.state.repertoire))
         made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path)
         self._with_dance(f"{offer.edit.request}: {offer.why}", made, self.project.settings, edited=True)
 
@@ -418,6 +431,11 @@ class Desk:
         self.check(revision)
         _, dance = self.current()
         self._saved(self.project.with_locks(locks, dance.plan.duration_s))
+
+    def keep_character(self, name: str, bones: Mapping[str, str]) -> None:
+        """Note the character, whose file is beside the project, in the project unless it is noted."""
+        if name and (name, dict(bones)) != (self.project.character, dict(self.project.bones)):
+            self._saved(self.project.with_character(name, bones))
 
     def keep_version(self, slot: str) -> None:
         """Keep the dance as version A or B."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from choreograph.characters.gltf_character import GltfCharacter
 from choreograph.core.numerics import Floats
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import CANONICAL_JOINTS
 from choreograph.motion.skinned_mesh import build_mannequin
 from choreograph.music.places import Places
 from choreograph.music.song import Song
@@ -35,6 +38,17 @@ def mannequin_facts(repertoire: Repertoire) -> tuple[str, dict[str, Any]]:
         "offsets_m": np.round(skeleton.offsets_m, 6).tolist(),
         "mesh": layout,
     }
+
+
+def character_facts(character: GltfCharacter) -> dict[str, Any]:
+    """A character as JSON: bones by canonical joint, all bones, and nodes as in the page of a dance."""
+    known = [name for name in CANONICAL_JOINTS if name in character.bones]
+    return {
+        "name": Path(character.document.name).name,
+        "bones": {name: character.rig.names[character.bones[name]] for name in character.bones},
+        "all_bones": list(character.rig.names), "joints": list(CANONICAL_JOINTS),
+        "names": known, "nodes": [character.nodes[character.bones[name]] for name in known],
+    }  # fmt: skip
 
 
 def motion_data(motion: Motion, *, small: bool = False) -> dict[str, Any]:

@@ -74,7 +74,7 @@ class Job:
 
 
 class Jobs:
-    """Runs jobs in threads of two kinds: one for dances, which run one after another, and one for builds."""
+    """Runs jobs in lanes, each a thread, in which they run one after another: dances, files and builds."""
 
     def __init__(self, on_change: Callable[[Job], None] = lambda job: None) -> None:
         self._on_change = on_change

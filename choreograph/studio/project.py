@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
-from choreograph.core.arguments import is_number, is_whole
+from choreograph.core.arguments import check_choice, check_text, is_number, is_whole
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.settings import changed as changed_settings
 from choreograph.plan import Plan
@@ -26,6 +26,7 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
+ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
 
 Span = tuple[float, float]  # from one time of the dance to another, in seconds
@@ -42,6 +43,7 @@ class Settings:
     front: str = "audience"
     stage: str = "near"
     weights: Mapping[str, float] = field(default_factory=dict)  # of costs, instead of the defaults
+    repertoire: str = ""  # name of the file of the takes that are danced
     bans: tuple[str, ...] = ()  # such as "take:house-01"
 
     def changed(self, changes: Mapping[str, Any]) -> Settings:
@@ -67,8 +69,10 @@ class Settings:
                 raise ParameterError(f"expected bans as a list of texts, got {reprlib.repr(new['bans'])}")
             new["bans"] = tuple(new["bans"])
         made = replace(self, **new)
+        check_choice("engine", made.engine, ENGINES)
         if not (made.genre is None or isinstance(made.genre, str)):
             raise ParameterError(f"expected a genre by name, got {reprlib.repr(made.genre)}")
+        check_text("a repertoire by name", made.repertoire)
         made.config()
         return made
 
@@ -121,7 +125,6 @@ class Project:
     """All that is kept for a song. See the top of the module."""
 
     song: str  # name of its file, in the folder of the project
-    repertoire: str = ""  # name of the file of the repertoire
     revision: int = 0  # grows with each change
     steps: Mapping[int, Step] = field(default_factory=dict)  # by number
     path: tuple[int, ...] = ()  # of steps, the first dance first
@@ -205,10 +208,6 @@ class Project:
         """The project with a character, and names of its bones by canonical joint."""
         return replace(self, character=name, bones=dict(bones))._changed()
 
-    def with_repertoire(self, name: str) -> Project:
-        """The project with another repertoire."""
-        return replace(self, repertoire=name)._changed()
-
     def _changed(self) -> Project:
         """The project with the next revision, without steps that nothing leads to."""
         needed: set[int] = set()
@@ -225,7 +224,7 @@ class Project:
     def to_json(self) -> str:
         """The project as JSON text, with a line for each step, as in `data_schema/studio.schema.json`."""
         head = {
-            "format": FORMAT, "version": VERSION, "song": self.song, "repertoire": self.repertoire,
+            "format": FORMAT, "version": VERSION, "song": self.song,
             "revision": self.revision, "path": self.path, "at": self.at, "locks": self.locks,
             "versions": dict(self.versions), "settings": asdict(self.settings), "character": self.character,
             "bones": dict(self.bones),
@@ -269,7 +268,7 @@ def project_from_json(text: str, name: str) -> Project:
 
 
 def _project_of(data: dict[str, Any], name: str) -> Project:
-    texts = {key: str(data[key]) for key in ("song", "repertoire", "character")}
+    texts = {key: str(data[key]) for key in ("song", "character")}
     steps: dict[int, Step] = {}
     for entry in data["steps"]:
         step = _step_of(entry, steps, name)

@@ -134,7 +134,8 @@ class Guard:
         site = headers.get("sec-fetch-site", "none")
         if site not in ("same-origin", "none") and (scope["method"] in _UNSAFE or scope["path"] != "/"):
             raise ForbiddenError(f"expected a request of the studio's own page, got one from {site[:20]!r}")
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [None])[0]
+        query: bytes = scope.get("query_string", b"")
+        given = parse_qs(query.decode("latin-1")).get("token", [""])[0] or None
         self.access.check_token(given or _cookie(headers))
         return given
 

@@ -5,21 +5,23 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.library.repertoire import Repertoire
 from choreograph.studio.desk import Desk
+from choreograph.studio.facts import character_facts
 from choreograph.studio.jobs import Job, Jobs
+from choreograph.studio.palette import Palette
+from choreograph.studio.project import ENGINES
 from choreograph.studio.sentences import weight_choices
 from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
-ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
 _LEVELS_PER_S = 50
 _BEAT_S = 15.0  # between signs of life of the stream of events
 
@@ -78,6 +80,9 @@ class Service:
         self._scratch = TemporaryDirectory(prefix="choreograph-studio-")
         self.scratch = Path(self._scratch.name)
         self._sound: tuple[Path, Sound] | None = None
+        self._palette: tuple[Repertoire, Palette] | None = None
+        self.character: GltfCharacter | None = None
+        self.exports: dict[str, Path] = {}
         self._lock = threading.Lock()
 
     def close(self) -> None:
@@ -94,6 +99,10 @@ class Service:
         """Change something in the order of the jobs, and return the new state."""
         self.jobs.do(kind, lambda job: self._told(work, job))
         return self.state()
+
+    async def soon(self, kind: str, work: Callable[[Job], object]) -> dict[str, Any]:
+        """As `change_now`, for functions that must not wait."""
+        return await asyncio.to_thread(self.change_now, kind, work)
 
     def _told(self, work: Callable[[Job], object], job: Job) -> dict[str, Any]:
         work(job)
@@ -115,17 +124,35 @@ class Service:
                 self._sound = song.path, Sound(path, planes, levels.bins_per_s)
             return self._sound[1]
 
-    @contextmanager
-    def scratch_file(self, name: str) -> Iterator[Path]:
-        """A folder for one file, which is removed at the end of the block."""
-        with TemporaryDirectory(dir=self.scratch) as folder:
-            yield Path(folder) / name
+    def palette(self) -> Palette:
+        """The palette of the repertoire, measured once."""
+        repertoire = self.desk.state.repertoire
+        with self._lock:
+            if self._palette is None or self._palette[0] is not repertoire:
+                self._palette = repertoire, Palette(repertoire)
+            return self._palette[1]
+
+    def use_character(self, character: GltfCharacter) -> None:
+        """Show a character from now on, and note it in the project."""
+        path = Path(character.document.name)
+        beside = path.parent.resolve() == self.desk.folder.resolve()
+        bones = {joint: character.rig.names[bone] for joint, bone in character.bones.items()}
+        self.desk.keep_character(path.name if beside else "", bones)
+        self.character = character
+
+    def restore_character(self) -> None:
+        """Show the character of the project, unless another is shown or its file is missing."""
+        project = self.desk.project
+        name = Path(project.character).name
+        path = self.desk.folder / name
+        if self.character is None and name and name == project.character and path.is_file():
+            self.character = read_character(path, dict(project.bones) or None)
 
     def state(self) -> dict[str, Any]:
         """What pages show, as JSON."""
         desk, state = self.desk, self.desk.state
         project, song = state.project, state.song
-        takes = desk.repertoire.takes
+        takes = state.repertoire.takes
         genres = sorted({take.credits.genre for take in takes} - {""})
         settings = project.settings
         return {
@@ -133,8 +160,8 @@ class Service:
             "project": {"name": project.song, "file": None if desk.file is None else desk.file.name},
             "song": None if song is None else {"name": song.name, "duration_s": round(song.duration_s, 6)},
             "repertoire": {
-                "name": desk.repertoire.path.name, "takes": len(takes), "clips": desk.repertoire.n_clips,
-                "genres": genres,
+                "name": state.repertoire.path.name, "takes": len(takes), "clips": state.repertoire.n_clips,
+                "genres": genres, "names": desk.shelf.names(desk.folder),
             },
             "settings": {
                 "engine": settings.engine, "seed": settings.seed, "genre": settings.genre,
@@ -150,6 +177,6 @@ class Service:
             "changed": [list(span) for span in state.changed],
             "request": "" if project.current is None else project.current.request,
             "dance": None if state.dance is None or state.features is None else desk.facts(),
-            "character": None,
+            "character": None if self.character is None else character_facts(self.character),
             "versions": {slot: project.versions.get(slot) for slot in ("A", "B")},
         }  # fmt: skip

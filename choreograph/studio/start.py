@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from choreograph.characters.gltf_character import read_character
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.library.repertoire import Repertoire
+from choreograph.studio.jobs import Job
 from choreograph.studio.project_file import ProjectFile
 from choreograph.studio.service import Service
 
@@ -23,11 +25,18 @@ def start(
         song = _song_of(project)
     folder = Path.cwd() if song is None else song.parent
     service = Service(folder, repertoire)
+    if character is not None:
+        service.character = read_character(character)
     if song is not None:
         check_regular(song, "a song")
         service.desk.open(song, project)
-        service.change("song", lambda job: service.desk.load(None, job.report))
+        service.change("song", lambda job: _load(service, job))
     return service
+
+
+def _load(service: Service, job: Job) -> None:
+    service.restore_character()
+    service.desk.load(None, job.report)
 
 
 def _song_of(project: Path) -> Path:

@@ -53,4 +53,5 @@ def _open(service: Service, sent: Path, job: Job, dance: bool) -> None:
         song = load_song(sent)
         path = placed(sent, desk.folder)
     desk.open(path)
+    service.restore_character()
     desk.load(replace(song, path=path, name=path.stem), job.report, with_dance=dance)
