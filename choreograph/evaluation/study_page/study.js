@@ -3,7 +3,7 @@
 import { Answers } from "./answers.js";
 import { createElement } from "./elements.js";
 import { OrbitControls } from "./orbit.js";
-import { Player } from "./player.js";
+import { Player, soundUrl } from "./player.js";
 import { Questions, SIDES } from "./questions.js";
 import { Renderer } from "./renderer.js";
 import { Dancer } from "./skeleton.js";
@@ -64,7 +64,7 @@ class Study {
     const wholes = item.dances.map((id) => ({ ...study.body, ...study.dances.find((dance) => dance.id === id) }));
     const [{ sound, duration_s }] = wholes; // the dances of a pair are to the same part of a song
     this.player?.close();
-    this.player = new Player(wholes[0], sound === null ? "" : $(`sound-${sound}`).textContent);
+    this.player = new Player(wholes[0], sound === null ? null : soundUrl($(`sound-${sound}`).textContent));
     this.player.addEventListener("change", () => this.#showPlayer());
     this.player.addEventListener("soundlost", () => {
       notice("This browser cannot play the song. Please use another one.");

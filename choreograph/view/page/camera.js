@@ -10,13 +10,18 @@ const FLOOR_RADIUS_M = 7;
 
 export class Camera {
   constructor(dancer) {
-    this.dancer = dancer;
-    this.height = dancer.height();
-    this.stage = dancer.path.stage();
+    this.look(dancer);
     this.following = true;
     this.blend = 1; // 1: on the dancer, 0: on the stage
     this.mirrored = false;
     this.reset();
+  }
+
+  // Look at another dancer, from where the camera is.
+  look(dancer) {
+    this.dancer = dancer;
+    this.height = dancer.height();
+    this.stage = dancer.path.stage();
   }
 
   reset() {

@@ -71,7 +71,8 @@ export class Controls {
     const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     // Space and Enter on a focused button or link press it, as usual.
     const pressing = event.key === " " && event.target.closest?.("button, summary");
-    if (!act || pressing) return;
+    const typing = event.target.closest?.("input, select, textarea, dialog");
+    if (!act || pressing || typing || event.defaultPrevented) return;
     event.preventDefault();
     act();
   }

@@ -26,26 +26,33 @@ export class Gestures {
 
   #down(event) {
     if (event.button > 0) return;
-    const { timeline } = this, { player } = timeline;
+    const { timeline } = this;
     timeline.element.setPointerCapture(event.pointerId);
     this.touches.set(event.pointerId, this.#x(event));
     if (this.touches.size > 1) { this.#letGo(); return; }
-    const x = this.#x(event), at = timeline.timeAt(x);
-    const grip = event.pointerType === "touch" ? 14 : 6;
-    const { on, from, to } = player.loop;
-    if (event.shiftKey) this.drag = (x2) => player.setLoop(at, timeline.timeAt(x2));
-    else if (on && Math.abs(x - timeline.x(to)) < grip) this.drag = (x2) => player.setLoop(from, timeline.timeAt(x2));
-    else if (on && Math.abs(x - timeline.x(from)) < grip) this.drag = (x2) => player.setLoop(timeline.timeAt(x2), to);
-    else this.#scrub(x);
+    const x = this.#x(event);
+    this.drag = this.begin(x, event);
     this.#hover(x);
   }
 
-  #scrub(x) {
+  // What dragging from x does: a function of the later x.
+  begin(x, event) {
+    const { timeline } = this, { player } = timeline, at = timeline.timeAt(x);
+    const grip = event.pointerType === "touch" ? 14 : 6;
+    const { on, from, to } = player.loop;
+    if (event.shiftKey) return (x2) => player.setLoop(at, timeline.timeAt(x2));
+    if (on && Math.abs(x - timeline.x(to)) < grip) return (x2) => player.setLoop(from, timeline.timeAt(x2));
+    if (on && Math.abs(x - timeline.x(from)) < grip) return (x2) => player.setLoop(timeline.timeAt(x2), to);
+    return this.scrub(x);
+  }
+
+  scrub(x) {
     const { timeline } = this, { player } = timeline;
     this.resume = player.playing;
     if (this.resume) player.pause();
-    this.drag = (x2) => player.seek(timeline.timeAt(x2));
-    this.drag(x);
+    const seek = (x2) => player.seek(timeline.timeAt(x2));
+    seek(x);
+    return seek;
   }
 
   #move(event) {

@@ -5,7 +5,7 @@ import { Counts } from "./counts.js";
 import { takeColours } from "./colours.js";
 import { Controls, showCredits } from "./controls.js";
 import { OrbitControls } from "./orbit.js";
-import { Player } from "./player.js";
+import { Player, soundUrl } from "./player.js";
 import { Stage } from "./stage.js";
 import { Timeline, clockText } from "./timeline.js";
 import { consumeText, decompressLevels } from "./decompress.js";
@@ -15,7 +15,7 @@ const $ = (id) => document.getElementById(id);
 class Page {
   constructor(dance, dancer, renderer, levels, sound) {
     this.dance = dance;
-    this.player = new Player(dance, sound);
+    this.player = new Player(dance, soundUrl(sound));
     this.stage = new Stage($("view"), renderer, (time) => this.#showTime(time));
     this.stage.show(dancer, this.player);
     this.counts = new Counts(dance);

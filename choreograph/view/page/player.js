@@ -6,30 +6,43 @@ import { fromBase64 } from "./decompress.js";
 
 const SHORTEST_LOOP_S = 0.2;
 
+// The address of a sound in base64, or null if there is none.
+export function soundUrl(text) {
+  return text.trim() ? URL.createObjectURL(new Blob([fromBase64(text)], { type: "audio/mp4" })) : null;
+}
+
 export class Player extends EventTarget {
-  constructor(dance, sound) {
+  // soundUrl: the address of the song, or null for a dance without sound.
+  constructor(dance, soundUrl) {
     super();
-    this.durationS = dance.duration_s;
-    this.fps = dance.fps;
     this.speed = 1;
-    this.loop = { on: false, from: 0, to: this.durationS };
     this.audio = null;
-    this.clock = new SilentClock(this.durationS);
-    if (sound.trim()) this.#openSound(sound);
+    this.open(dance, soundUrl);
   }
 
-  #openSound(sound) {
+  // Start again with another dance.
+  open(dance, soundUrl) {
+    if (this.audio) this.close();
+    this.durationS = dance.duration_s;
+    this.fps = dance.fps;
+    this.loop = { on: false, from: 0, to: this.durationS };
+    this.clock = new SilentClock(this.durationS);
+    if (soundUrl) this.#openSound(soundUrl);
+  }
+
+  #openSound(soundUrl) {
     const audio = new Audio();
     audio.preservesPitch = true;
     audio.preload = "auto";
-    audio.addEventListener("error", () => this.#loseSound());
+    audio.addEventListener("error", () => { if (audio === this.audio) this.#loseSound(); });
     audio.addEventListener("timeupdate", () => {
       if (document.hidden) this.tick(performance.now() / 1000); // no frames are drawn then, but loops continue
     });
     for (const name of ["play", "pause", "seeked", "ended"]) audio.addEventListener(name, () => this.#changed());
-    audio.src = URL.createObjectURL(new Blob([fromBase64(sound)], { type: "audio/mp4" }));
+    audio.src = soundUrl;
     this.audio = audio;
     this.clock = new SoundClock(audio, this.durationS);
+    this.clock.speed = this.speed;
   }
 
   #loseSound() {
@@ -85,9 +98,10 @@ export class Player extends EventTarget {
   close() {
     this.clock.pause();
     if (!this.audio) return;
-    const { src } = this.audio;
-    this.audio.removeAttribute("src"); // first, since revoking the URL of a sound that is still loading is an error
-    this.audio.load();
+    const { audio } = this, { src } = audio;
+    this.audio = null;
+    audio.removeAttribute("src"); // first, since revoking the URL of a sound that is still loading is an error
+    audio.load();
     URL.revokeObjectURL(src);
   }
 

@@ -16,9 +16,11 @@ export class Stage {
     new ResizeObserver(() => this.wake()).observe(canvas);
   }
 
-  // Set the dancer, and the player that keeps the time.
+  // Set the dancer, and the player that keeps the time. A camera that is there already keeps its view.
   show(dancer, player) {
-    Object.assign(this, { dancer, player, camera: new Camera(dancer) });
+    Object.assign(this, { dancer, player });
+    if (this.camera) this.camera.look(dancer);
+    else this.camera = new Camera(dancer);
     this.renderer?.show(dancer);
     this.wake();
   }

@@ -11,7 +11,8 @@ const NUMBER_PX = 13, BAR_NUMBER_PX = 34, BAR_LINE_PX = 5; // room that a count,
 const PAGE_AT = 0.08; // of the width: position of the playhead after the view has jumped
 
 export class Timeline {
-  constructor(dance, levels, counts, player, { onHover }) {
+  // gestures: what pointers do here.
+  constructor(dance, levels, counts, player, { onHover, gestures = Gestures }) {
     Object.assign(this, { dance, levels, counts, player, onHover });
     this.durationS = dance.duration_s;
     this.element = document.getElementById("timeline");
@@ -24,7 +25,7 @@ export class Timeline {
     this.zoom = null; // pixels per second, null for the default
     this.wasInside = true;
     this.element.setAttribute("aria-valuemax", this.durationS.toFixed(2));
-    new Gestures(this);
+    new gestures(this);
   }
 
   get width() { return this.element.clientWidth; }
@@ -80,10 +81,13 @@ export class Timeline {
     this.#drawBars(context);
     this.#drawBeats(context);
     this.#drawBlocks(context, this.fromS, this.pxPerS, BLOCKS, 4);
+    this.drawMore(context);
     this.#drawOverview();
     this.showLoop(this.player.loop);
     this.show(this.player.time);
   }
+
+  drawMore() {} // for more rows in other pages
 
   #drawRuler(context) {
     const apart = LABELS_APART_S.find((s) => s * this.pxPerS >= 62) ?? 1200;
