@@ -1,0 +1,61 @@
+// Writing the dance as a file, the whole or the selected span.
+
+import { createElement } from "/page/elements.js";
+import { attempt, say } from "./messages.js";
+
+const NAMES = {
+  glb: ["GLB", "for Blender, game engines and the web"], bvh: ["BVH", "motion for any animation program"],
+  fbx: ["FBX", "for Maya, Unreal and Unity"], usd: ["USD", "for Omniverse and Houdini"], npz: ["NPZ", "arrays for Python"],
+  mp4: ["MP4", "a video with the song"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
+};
+
+export class Export {
+  constructor(store, jobs) {
+    Object.assign(this, { store, jobs });
+    this.form = document.getElementById("export-form");
+    this.form.addEventListener("submit", (event) => { event.preventDefault(); this.write(); });
+    this.built = "";
+    store.addEventListener("state", () => this.show());
+    store.addEventListener("span", () => this.show());
+  }
+
+  show() {
+    const { choices, character, dance } = this.store.state;
+    const formats = choices.exports ?? [];
+    if (formats.join() !== this.built) this.#build(formats);
+    this.built = formats.join();
+    const span = this.form.elements.part;
+    for (const radio of span) if (radio.value === "span") radio.disabled = !this.store.span;
+    if (!this.store.span) span.value = "whole";
+    document.getElementById("export-character").hidden = !character;
+    this.form.querySelector("[type=submit]").disabled = !dance;
+  }
+
+  #build(formats) {
+    const list = document.getElementById("formats");
+    list.replaceChildren(...formats.map((format, i) => {
+      const radio = createElement("input");
+      Object.assign(radio, { type: "radio", name: "format", value: format, checked: i === 0 });
+      const [name, what] = NAMES[format] ?? [format.toUpperCase(), ""];
+      return createElement("label", "format", [radio, createElement("b", "", [name]), createElement("span", "", [what])]);
+    }));
+  }
+
+  write() {
+    return attempt(async () => {
+      const { format, part } = Object.fromEntries(new FormData(this.form));
+      const { span, state } = this.store;
+      const onCharacter = Boolean(state.character) && this.form.elements.character.checked;
+      const wanted = { format, character: onCharacter, ...(part === "span" && span ? span : {}) };
+      const answer = await this.store.change("export", wanted);
+      const { file, bytes } = await this.jobs.finish(answer, `Writing ${format.toUpperCase()}`);
+      const link = createElement("a", "", [`${file}, ${sizeText(bytes)}`]);
+      Object.assign(link, { href: `/api/export/${answer.job}`, download: file });
+      document.getElementById("exported").prepend(createElement("li", "", [link]));
+      link.click();
+      say(`${file} is written.`);
+    });
+  }
+}
+
+const sizeText = (bytes) => (bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))} kB` : `${(bytes / 1e6).toFixed(1)} MB`);

@@ -1,0 +1,82 @@
+// Long work of the server: its progress, a button that cancels it, and its result.
+
+import { createElement } from "/page/elements.js";
+import { get, remove } from "./api.js";
+
+const SHOWN_AFTER_MS = 350;
+const ASK_AGAIN_MS = [60, 250]; // in the first second, later
+
+export class Cancelled extends Error {
+  constructor() { super("cancelled"); this.name = "AbortError"; }
+}
+
+export class Jobs extends EventTarget {
+  constructor(store) {
+    super();
+    this.store = store;
+    this.box = document.getElementById("jobs");
+    this.running = 0;
+  }
+
+  // Wait for the job of an answer { job }, and give its result. An answer without a job is the result.
+  // onLog gets the lines of its log. A quiet job has no progress bar.
+  async finish(answer, label, { onLog = null, quiet = false, signal = null } = {}) {
+    if (!answer || !("job" in answer)) return answer;
+    const row = new Row(label, () => remove(`jobs/${answer.job}`).catch(() => {}));
+    const show = setTimeout(() => { if (!quiet) this.box.append(row.element); }, SHOWN_AFTER_MS);
+    const cancel = () => remove(`jobs/${answer.job}`).catch(() => {});
+    signal?.addEventListener("abort", cancel, { once: true });
+    this.#count(1);
+    try {
+      return await this.#wait(answer.job, row, onLog);
+    } finally {
+      clearTimeout(show);
+      row.element.remove();
+      this.#count(-1);
+    }
+  }
+
+  #count(more) {
+    this.running += more;
+    document.body.setAttribute("aria-busy", String(this.running > 0));
+  }
+
+  async #wait(id, row, onLog) {
+    const since = performance.now();
+    for (;;) {
+      const job = await get(`jobs/${id}`);
+      onLog?.(job.log ?? []);
+      if (job.state === "done") return this.#result(job.result);
+      if (job.state === "cancelled") throw new Cancelled();
+      if (job.state === "failed") throw new Error(job.error ?? "the work failed");
+      row.show(job);
+      const early = performance.now() - since < 1000;
+      await new Promise((wake) => setTimeout(wake, ASK_AGAIN_MS[early ? 0 : 1]));
+    }
+  }
+
+  // The result of a job may be the new state, or contain it.
+  #result(result) {
+    const state = result?.state?.revision !== undefined ? result.state : result?.revision !== undefined ? result : null;
+    if (state && "locks" in state) this.store.apply(state);
+    return result ?? {};
+  }
+}
+
+class Row {
+  constructor(label, cancel) {
+    this.bar = createElement("progress");
+    this.bar.max = 1;
+    this.bar.setAttribute("aria-label", label);
+    this.stage = createElement("span", "stage");
+    const button = createElement("button", "", ["Cancel"]);
+    button.type = "button";
+    button.addEventListener("click", () => { button.disabled = true; cancel(); });
+    this.element = createElement("div", "job", [createElement("b", "", [label]), this.stage, this.bar, button]);
+  }
+
+  show({ stage, done, total }) {
+    this.stage.textContent = stage ?? "";
+    if (total > 0) this.bar.value = done / total;
+  }
+}

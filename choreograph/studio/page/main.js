@@ -1,0 +1,250 @@
+// The studio: connects the server's state with the stage, the timeline and the panels.
+
+import { Card } from "/page/card.js";
+import { takeColours } from "/page/colours.js";
+import { Controls, showCredits } from "/page/controls.js";
+import { Counts } from "/page/counts.js";
+import { Player } from "/page/player.js";
+import { clockText } from "/page/timeline.js";
+import { Actions } from "./actions.js";
+import { Alternatives } from "./alternatives.js";
+import { get, serverPaths, upload } from "./api.js";
+import { Build } from "./build.js";
+import { Character } from "./character.js";
+import { Compare } from "./compare.js";
+import { DancerView } from "./dancer_view.js";
+import { Drop } from "./drop.js";
+import { Explain } from "./explain.js";
+import { Export } from "./export.js";
+import { FloorPlan } from "./floor_plan.js";
+import { Jobs } from "./jobs.js";
+import { Keyboard } from "./keyboard.js";
+import { Lanes } from "./lanes.js";
+import { Figures } from "./little_figure.js";
+import { attempt, say } from "./messages.js";
+import { Palette } from "./palette.js";
+import { Selection, selectingGestures } from "./selection.js";
+import { Settings } from "./settings.js";
+import { SpanTools } from "./span_tools.js";
+import { Store } from "./store.js";
+import { Tabs } from "./tabs.js";
+
+const $ = (id) => document.getElementById(id);
+const WAVE_POINTS_PER_S = 50;
+const NOTHING = { duration_s: 1, fps: 60, blocks: [], takes: [], music_beats_s: [], music_beat_numbers: [], motion_beats_s: [], sections: [] };
+
+class Studio {
+  constructor(paths) {
+    const store = (this.store = new Store(paths));
+    this.jobs = new Jobs(store);
+    this.player = new Player(NOTHING, null);
+    this.view = new DancerView($("view"), this.player, (time) => this.#showTime(time));
+    this.counts = new Counts(NOTHING);
+    this.selection = new Selection(store, () => this.counts);
+    this.figures = new Figures(store);
+    this.actions = new Actions(store, this.jobs, () => this.player);
+    this.alternatives = new Alternatives(store, this.jobs, this.actions, this.figures, () => this.player);
+    this.explain = new Explain(store);
+    this.palette = new Palette(store, this.actions, this.figures, () => ({ timeline: this.lanes, snap: (time) => this.selection.snap(time) }), () => this.player);
+    new Settings(store, this.actions);
+    this.character = new Character(store, this.jobs);
+    new Export(store, this.jobs);
+    this.build = new Build(store, this.jobs);
+    this.floor = new FloorPlan();
+    this.tabs = new Tabs((name) => this.#opened(name));
+    this.lanes = null; // made with the first dance
+    this.dance = null; // the one shown
+    this.song = null;
+    new Drop({
+      song: (file) => this.openSong(file),
+      character: (file) => { this.tabs.open("character"); this.character.send(file); },
+      takes: (files) => { this.tabs.open("build"); this.build.build(files); },
+    });
+    store.addEventListener("state", () => attempt(() => this.#show()));
+    store.addEventListener("span", () => this.lanes?.showSpan());
+    this.#connectButtons();
+    this.#hideWhatIsMissing();
+    matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => this.recolour());
+  }
+
+  #connectButtons() {
+    const on = (id, act) => $(id).addEventListener("click", act);
+    on("undo", () => this.actions.undo());
+    on("redo", () => this.actions.redo());
+    on("to-export", () => this.tabs.open("export"));
+    on("song-choose", () => $("song-file").click());
+    on("welcome-choose", () => $("song-file").click());
+    $("song-file").addEventListener("change", () => {
+      const [file] = $("song-file").files;
+      $("song-file").value = "";
+      if (file) this.openSong(file);
+    });
+    on("zoom-in", () => this.lanes?.zoomBy(1.5));
+    on("zoom-out", () => this.lanes?.zoomBy(1 / 1.5));
+    on("snap", () => {
+      this.selection.snaps = !this.selection.snaps;
+      $("snap").setAttribute("aria-pressed", String(this.selection.snaps));
+    });
+  }
+
+  // Controls whose path this server does not have are not offered.
+  #hideWhatIsMissing() {
+    for (const element of document.querySelectorAll("[data-path]")) {
+      if (!this.store.has(element.dataset.path)) element.hidden = true;
+    }
+  }
+
+  // Send a song. When it has been analysed, its first dance is shown and played.
+  openSong(file) {
+    return attempt(async () => {
+      document.body.classList.add("loading");
+      $("welcome").dataset.state = `Making a dance to ${file.name}`;
+      try {
+        await this.jobs.finish(await upload("song", file), `Making a dance to ${file.name}`);
+        await this.store.refresh();
+        await this.shown;
+        this.player.seek(0);
+        this.player.play();
+      } finally {
+        document.body.classList.remove("loading");
+      }
+    });
+  }
+
+  // Show the newest state. Only the latest of several is waited for.
+  #show() {
+    const { state } = this.store;
+    this.#showHeading(state);
+    if (!state.dance) return null;
+    const songChanged = this.song !== `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
+    this.shown = this.#showDance(state, songChanged);
+    return this.shown;
+  }
+
+  #showHeading({ song, dance, project, can_undo, can_redo }) {
+    document.body.classList.toggle("empty", !dance);
+    $("song-name").textContent = song?.name ?? "No song yet";
+    document.title = song ? `${song.name} · choreograph studio` : "choreograph studio";
+    $("saved").textContent = dance && project ? `Saved in ${project.name}` : "";
+    $("undo").disabled = !can_undo;
+    $("redo").disabled = !can_redo;
+  }
+
+  async #showDance(state, songChanged) {
+    const { dance } = state;
+    if (songChanged) {
+      this.song = `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
+      const points = Math.round(dance.duration_s * WAVE_POINTS_PER_S);
+      const { peaks, rms = [] } = await get(`song/waveform?points=${points}`);
+      const bytes = (values) => Uint8Array.from(values, (x) => Math.round(255 * Math.min(1, x)));
+      this.levels = { peaks: bytes(peaks), cores: bytes(rms) };
+      this.levelsPerS = peaks.length / dance.duration_s;
+      this.player.open(dance, `/api/song/audio?of=${encodeURIComponent(state.song.name)}`);
+      this.store.select(null);
+    }
+    dance.levels_per_s = this.levelsPerS;
+    this.dance = dance;
+    this.counts = new Counts(dance);
+    this.card = new Card(dance, this.counts);
+    if (this.lanes) this.lanes.open(dance, this.levels, this.counts);
+    else this.#openLanes(dance);
+    $("time-all").textContent = clockText(dance.duration_s, true);
+    $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
+    this.recolour();
+    await this.view.show(state);
+    if (!this.controls) this.controls = new Controls(this.player, this.view.camera, this.lanes, () => this.view.wake());
+    this.floor.show(this.view.path());
+    this.recolour();
+    $("stage").dataset.revision = state.revision;
+  }
+
+  #openLanes(dance) {
+    this.lanes = new Lanes(this.store, dance, this.levels, this.counts, this.player, {
+      onHover: (block, x) => this.card.show(block, $("timeline").getBoundingClientRect().left + x, this.colours),
+      gestures: selectingGestures(this.selection),
+    });
+    const { store, selection, actions, tabs, lanes, player } = this;
+    this.compare = new Compare(store, actions, this.view, lanes, player);
+    new Keyboard({ store, selection, actions, tabs, lanes, player, compare: this.compare });
+    new SpanTools(store, selection, actions, player);
+    new ResizeObserver(() => lanes.redraw()).observe($("timeline"));
+    this.player.addEventListener("soundlost", () => say("This browser cannot play the song. The dance continues without sound.", { error: true }));
+    store.dispatchEvent(new CustomEvent("state", { detail: { before: null } }));
+  }
+
+  recolour() {
+    if (!this.dance || !this.lanes) return;
+    const style = getComputedStyle(document.documentElement), number = (name) => Number(style.getPropertyValue(name));
+    this.colours = takeColours(this.dance.takes.map(({ name }) => name), number("--block-light"), number("--block-chroma"));
+    this.lanes.recolour(this.colours);
+    this.view.stage?.renderer?.readColours();
+    showCredits(this.dance, this.colours);
+    this.shownTake = null;
+    this.view.wake();
+  }
+
+  #opened(name) {
+    if (name === "palette") this.palette.open();
+    if (name === "character") this.character.show();
+    if (name === "why" && this.dance) this.#explainHere();
+    if (name === "settings") this.floor.draw(this.player.time);
+  }
+
+  #explainHere() { this.explain.follow(this.player.time, this.lanes.blockAt(this.player.time)); }
+
+  #showTime(time) {
+    const { lanes, dance } = this;
+    if (!lanes) return;
+    lanes.show(time);
+    const text = clockText(time, true), count = this.counts.textAt(time);
+    if (text !== this.text) {
+      $("time-now").textContent = this.text = text;
+      $("timeline").setAttribute("aria-valuenow", time.toFixed(2));
+      $("timeline").setAttribute("aria-valuetext", [`${text} of ${clockText(dance.duration_s, true)}`, count].filter(Boolean).join(", "));
+      if (!$("panel-settings").hidden) this.floor.draw(time);
+    }
+    if (count !== this.count) $("now-count").textContent = this.count = count;
+    const index = lanes.blockAt(time), block = dance.blocks[index], take = dance.takes[block.take];
+    this.explain.follow(time, index);
+    if (block === this.shownTake) return;
+    this.shownTake = block;
+    const colour = this.colours[block.take];
+    $("now").style.setProperty("--take", colour.css);
+    $("now-take").textContent = block.figure || take.name;
+    $("now-genre").textContent = take.genre;
+    const { renderer } = this.view.stage;
+    if (renderer) renderer.rim = colour.light.map((v) => 0.12 + 0.3 * v);
+  }
+
+  // A state of the page for scripts, such as tests.
+  facts() {
+    const { player, view, store } = this;
+    return Object.freeze({
+      get time() { return player.time; },
+      get playing() { return player.playing; },
+      get revision() { return store.state?.revision ?? null; },
+      get shownRevision() { return Number($("stage").dataset.revision ?? -1); },
+      get span() { return store.span; },
+      get locks() { return store.state?.locks ?? []; },
+      get dance() { return store.dance; },
+      get busy() { return document.body.getAttribute("aria-busy") === "true"; },
+      get framesDrawn() { return view.stage?.drawn ?? 0; },
+      get loop() { return { ...player.loop }; },
+    });
+  }
+
+  // Changes that other pages make are shown here too.
+  listen() {
+    const events = new EventSource("/api/events");
+    events.addEventListener("message", ({ data }) => {
+      const { state } = JSON.parse(data);
+      if (state !== undefined && state > (this.store.state?.revision ?? -1) && !this.jobs.running) this.store.refresh();
+    });
+  }
+}
+
+const studio = new Studio(await serverPaths());
+await attempt(() => studio.store.refresh());
+studio.tabs.open("change");
+studio.listen();
+window.studio = studio.facts();

@@ -1,0 +1,101 @@
+// Settings of the dance: engine, genre, energy, front, seed, and a slider for each weight.
+
+import { createElement } from "/page/elements.js";
+
+const WAIT_MS = 180; // after the last move of a slider
+
+export class Settings {
+  constructor(store, actions) {
+    Object.assign(this, { store, actions, waiting: 0, changes: {}, built: "" });
+    this.box = document.getElementById("settings-form");
+    document.getElementById("roll").addEventListener("click", () => this.roll());
+    store.addEventListener("state", () => this.show());
+  }
+
+  // Another seed: everything that is not locked is danced otherwise.
+  roll() {
+    const { seed = 0 } = this.store.state?.settings ?? {};
+    return this.actions.settings({ seed: seed + 1 });
+  }
+
+  show() {
+    const { choices, settings } = this.store.state;
+    const names = JSON.stringify([choices.engines, choices.genres, choices.weights?.map(({ name }) => name)]);
+    if (names !== this.built) this.#build();
+    this.built = names;
+    if (Object.keys(this.changes).length) return; // the user is moving something
+    for (const control of this.box.querySelectorAll("[data-setting]")) {
+      const value = settings[control.dataset.setting];
+      if (document.activeElement !== control || control.type !== "text") control.value = value ?? "";
+    }
+    for (const control of this.box.querySelectorAll("[data-weight]")) {
+      const { weight, preset } = control.dataset;
+      control.value = settings.weights?.[weight] ?? preset;
+      this.#showWeight(control);
+    }
+  }
+
+  #build() {
+    const { choices, settings } = this.store.state;
+    const rows = [];
+    const choice = (name, label, options) => {
+      if (!(name in settings) || !options?.length) return;
+      const select = createElement("select", "", options.map(([value, text]) => new Option(text, value)));
+      select.dataset.setting = name;
+      select.addEventListener("change", () => this.#change({ [name]: select.value === "" ? null : select.value }));
+      rows.push(createElement("label", "row", [createElement("span", "", [label]), select]));
+    };
+    choice("engine", "Engine", choices.engines?.map((engine) => [engine, engine]));
+    choice("genre", "Genre", [["", "as the music asks"], ...(choices.genres ?? []).map((genre) => [genre, genre])]);
+    choice("energy", "Energy", [["", "as the music asks"], ...["low", "middle", "high"].map((level) => [level, level])]);
+    choice("front", "Front", [["audience", "to the audience"], ["free", "free"]]);
+    if ("seed" in settings) {
+      const seed = createElement("input");
+      Object.assign(seed, { type: "number", min: 0, step: 1 });
+      seed.dataset.setting = "seed";
+      seed.addEventListener("change", () => this.#change({ seed: Math.max(0, Math.round(Number(seed.value))) }));
+      rows.push(createElement("label", "row", [createElement("span", "", ["Seed"]), seed]));
+    }
+    const weights = (choices.weights ?? []).map((weight) => this.#slider(weight));
+    this.box.replaceChildren(
+      ...rows,
+      ...(weights.length ? [createElement("h4", "", ["Weights"]), createElement("p", "hint", ["A higher weight matters more. Each change makes the dance again, and keeps what is locked."])] : []),
+      ...weights,
+    );
+  }
+
+  #slider({ name, default: preset, sentence, low = 0, high }) {
+    const input = createElement("input");
+    Object.assign(input, { type: "range", min: low, max: high ?? Math.max(4, 3 * preset), step: "any", value: preset });
+    Object.assign(input.dataset, { weight: name, preset });
+    const value = createElement("output");
+    const label = createElement("label", "weight", [createElement("span", "name", [name.replaceAll("_", " ")]), value, input]);
+    if (sentence) {
+      const hint = createElement("p", "hint", [sentence]);
+      hint.id = `weight-${name}`;
+      input.setAttribute("aria-describedby", hint.id);
+      label.append(hint);
+    }
+    input.addEventListener("input", () => { this.#showWeight(input); this.#change({ weights: { [name]: Number(Number(input.value).toFixed(2)) } }); });
+    input.addEventListener("dblclick", () => { input.value = preset; input.dispatchEvent(new Event("input")); });
+    return label;
+  }
+
+  #showWeight(input) {
+    input.parentElement.querySelector("output").textContent = Number(input.value).toFixed(Number(input.value) < 10 ? 1 : 0);
+    const share = (input.value - input.min) / (input.max - input.min);
+    input.style.setProperty("--filled", `${100 * share}%`);
+  }
+
+  #change(changes) {
+    const weights = { ...this.changes.weights, ...changes.weights };
+    Object.assign(this.changes, changes, Object.keys(weights).length ? { weights } : {});
+    clearTimeout(this.waiting);
+    this.waiting = setTimeout(async () => {
+      const sent = this.changes;
+      this.changes = {};
+      const done = await this.actions.settings(sent);
+      if (!done) this.show(); // back to what is danced
+    }, WAIT_MS);
+  }
+}

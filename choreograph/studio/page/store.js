@@ -1,0 +1,50 @@
+// What the page knows: the newest state of the project, the selected span, and the paths of the server.
+
+import { ApiError, get, post } from "./api.js";
+
+export class Store extends EventTarget {
+  constructor(paths) {
+    super();
+    this.paths = paths;
+    this.state = null;
+    this.span = null; // the selected span: { from, to } in seconds of the dance
+  }
+
+  has(path) { return this.paths.has(`/api/${path}`); }
+  get dance() { return this.state?.dance ?? null; }
+
+  // Whether a time lies in a locked span.
+  isLocked(timeS) { return this.state.locks.some(([from, to]) => timeS >= from && timeS < to); }
+
+  // Take over a state of the server, unless it is older than the one shown.
+  apply(state) {
+    if (!state || (this.state && state.revision < this.state.revision)) return;
+    const before = this.state;
+    this.state = state;
+    this.#tell("state", { before });
+  }
+
+  async refresh() { this.apply(await get("state")); }
+
+  // Send a change of the newest revision. Its answer is the new state, or a job.
+  async change(path, body = {}, method = "POST") {
+    try {
+      const answer = await post(path, { revision: this.state.revision, ...body }, method);
+      if (answer && "revision" in answer) this.apply(answer);
+      return answer;
+    } catch (error) {
+      if (error instanceof ApiError && error.status === 409) {
+        if (error.state) this.apply(error.state); else await this.refresh();
+        throw new ApiError(409, { error: "Another page has changed this dance. The newest version is shown now: try again." });
+      }
+      throw error;
+    }
+  }
+
+  select(span) {
+    this.span = span;
+    this.#tell("span");
+  }
+
+  #tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+}
