@@ -8,12 +8,14 @@ const LABELS = {
   pin_motif: "Placing the motif", ban: "Leaving out the take", hold: "Holding the pose",
 };
 
+const EDITS = ["swap", "vary", "repeat", "pin_take", "pin_motif"]; // of any server
+
 export class Actions {
   constructor(store, jobs, getPlayer) {
     Object.assign(this, { store, jobs, getPlayer, tries: 0 });
   }
 
-  canEdit(kind) { return this.store.has("edit") && (this.store.state?.choices.edits ?? []).includes(kind); }
+  canEdit(kind) { return this.store.has("edit") && (this.store.state?.choices.edits ?? EDITS).includes(kind); }
 
   // Edit the selected span, or what is given, and play the result from its start.
   async edit(kind, more = {}) {

@@ -13,7 +13,7 @@ export class Alternatives {
     this.note = document.getElementById("alternatives-note");
     store.addEventListener("spanend", () => this.look());
     store.addEventListener("span", () => { if (!store.span) this.#empty(); });
-    store.addEventListener("state", () => { if (this.key && this.key !== this.#key()) this.look(); });
+    store.addEventListener("shown", () => { if (this.key && this.key !== this.#key()) this.look(); });
   }
 
   #key() {
@@ -44,7 +44,7 @@ export class Alternatives {
       try {
         const question = { revision: store.state.revision, ...span, n: SHOWN };
         const found = await jobs.finish(await post("alternatives", question), "Looking for alternatives", { quiet: true, signal: this.asked.signal });
-        if (key === this.key) await this.#show(Array.isArray(found) ? found : found.alternatives ?? []);
+        if (key === this.key) await this.#show(found, key);
       } catch (error) {
         if (key !== this.key) return;
         this.note.textContent = "";
@@ -55,7 +55,7 @@ export class Alternatives {
     });
   }
 
-  async #show(found) {
+  async #show(found, key) {
     this.note.textContent = found.length
       ? `${found.length} alternatives, the best first. Hover or focus to play, press to choose.`
       : "Nothing else in these takes fits here. Try a longer or shorter span.";
@@ -75,34 +75,40 @@ export class Alternatives {
       this.list.append(createElement("li", "", [button]));
       button.addEventListener("click", () => this.#choose(alternative, button));
       const figure = await this.figures.add(canvas, alternative, accent);
+      if (key !== this.key) return; // another span has been selected meanwhile
       this.#playOnHover(button, figure, alternative);
     }
   }
 
   // While the pointer or focus is here, the song plays the span and the figure dances to it.
   #playOnHover(button, figure, alternative) {
-    const from = alternative.facts.from_s ?? Math.max(0, alternative.start_s - 0.5);
+    const from = alternative.from_s, player = this.getPlayer();
     let was = null;
     const start = () => {
       if (was) return;
-      const player = this.getPlayer();
-      was = { time: player.time, playing: player.playing, loop: player.loop };
-      player.loop = { on: true, from, to: Math.min(player.durationS, from + figure.durationS) };
+      was = { time: player.time, playing: player.playing, looping: player.loop.on };
+      player.loop.on = false;
       player.seek(from);
       player.play();
-      figure.clock = () => Math.max(0, player.time - from);
+      figure.clock = () => {
+        if (player.time >= Math.min(player.durationS - 0.05, from + figure.durationS)) player.seek(from);
+        return Math.max(0, player.time - from);
+      };
       this.figures.wake();
     };
     const stop = () => {
       if (!was) return;
-      const player = this.getPlayer();
-      player.loop = was.loop;
+      player.loop.on = was.looping;
       if (!was.playing) player.pause();
       player.seek(was.time);
       was = null;
       figure.clock = null;
     };
-    for (const name of ["pointerenter", "focus"]) button.addEventListener(name, start);
+    // Not `pointerenter`, which also comes when new figures appear under a pointer at rest.
+    button.addEventListener("pointermove", ({ movementX, movementY, pointerType }) => {
+      if (pointerType !== "touch" && (movementX || movementY)) start();
+    });
+    button.addEventListener("focus", () => { if (button.matches(":focus-visible")) start(); });
     for (const name of ["pointerleave", "blur"]) button.addEventListener(name, stop);
     button.stop = stop;
   }
@@ -110,9 +116,7 @@ export class Alternatives {
   async #choose(alternative, button) {
     button.stop?.();
     button.setAttribute("aria-busy", "true");
-    const timer = performance.now();
     await this.actions.choose(alternative);
-    this.lastChoiceMs = performance.now() - timer;
     button.removeAttribute("aria-busy");
   }
 }

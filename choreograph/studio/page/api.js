@@ -38,7 +38,7 @@ export const upload = (path, file) =>
 
 // The paths that this server has, so that the page offers only what works.
 export async function serverPaths() {
-  const answer = await fetch("/openapi.json");
+  const answer = await fetch("/api/openapi.json");
   return new Set(answer.ok ? Object.keys((await answer.json()).paths) : []);
 }
 

@@ -39,6 +39,7 @@ export class Jobs extends EventTarget {
   #count(more) {
     this.running += more;
     document.body.setAttribute("aria-busy", String(this.running > 0));
+    document.body.classList.toggle("working", this.running > 0);
   }
 
   async #wait(id, row, onLog) {
@@ -55,10 +56,9 @@ export class Jobs extends EventTarget {
     }
   }
 
-  // The result of a job may be the new state, or contain it.
-  #result(result) {
-    const state = result?.state?.revision !== undefined ? result.state : result?.revision !== undefined ? result : null;
-    if (state && "locks" in state) this.store.apply(state);
+  // The result of a job that has changed the dance is its revision.
+  async #result(result) {
+    if (result && "revision" in result) await this.store.refresh();
     return result ?? {};
   }
 }

@@ -60,7 +60,7 @@ export class Lanes extends Timeline {
   #drawSections(context) {
     const [top, bottom] = SECTIONS;
     context.font = "600 10.5px system-ui, sans-serif";
-    for (const { label, start_s, end_s } of this.dance.sections ?? []) {
+    for (const { name, start_s, end_s } of this.dance.sections ?? []) {
       const x = this.x(start_s), width = (end_s - start_s) * this.pxPerS - 2;
       if (x > this.width || x + width < 0) continue;
       context.fillStyle = this.ink("--raised");
@@ -69,7 +69,7 @@ export class Lanes extends Timeline {
       context.fill();
       context.fillStyle = this.ink("--soft");
       const left = Math.max(x, 0) + 6, room = x + width - left - 4;
-      if (room > 10) context.fillText(shortened(context, label, room), left, bottom - 4.5);
+      if (room > 10) context.fillText(shortened(context, name, room), left, bottom - 4.5);
     }
   }
 

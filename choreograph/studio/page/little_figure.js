@@ -6,6 +6,7 @@ import { decompressMotion } from "/page/decompress.js";
 const WIDTHS = { spine: 0.2, pelvis: 0.22, neck: 0.1, hip: 0.15, knee: 0.13, ankle: 0.1, foot: 0.07, collar: 0.12, shoulder: 0.11, elbow: 0.09, wrist: 0.07, hand: 0.06 };
 const HEAD_M = 0.115; // radius
 const TURN_RAD = 0.35; // of the view, from the front
+const FRAME_S = 1 / 40; // at least, between two drawings of a figure: small ones need no more than 30 a second
 const REACH_M = 0.95; // shown from the middle of the body to each side
 
 // All figures of the page, of which those on screen are drawn in every frame.
@@ -15,6 +16,7 @@ export class Figures {
     this.shown = new Set();
     this.calm = matchMedia("(prefers-reduced-motion: reduce)");
     this.requested = false;
+    this.drawnAt = 0;
     this.watcher = new IntersectionObserver((entries) => {
       for (const { target, isIntersecting } of entries) target.figure.visible = isIntersecting;
       this.wake();
@@ -51,6 +53,8 @@ export class Figures {
 
   #frame(at) {
     this.requested = false;
+    if (at - this.drawnAt < FRAME_S) { this.wake(); return; }
+    this.drawnAt = at;
     let moving = false;
     for (const figure of this.shown) {
       if (!figure.visible || !(figure.clock || !this.calm.matches)) continue;

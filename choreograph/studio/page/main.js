@@ -4,6 +4,7 @@ import { Card } from "/page/card.js";
 import { takeColours } from "/page/colours.js";
 import { Controls, showCredits } from "/page/controls.js";
 import { Counts } from "/page/counts.js";
+import { decompressLevels } from "/page/decompress.js";
 import { Player } from "/page/player.js";
 import { clockText } from "/page/timeline.js";
 import { Actions } from "./actions.js";
@@ -30,7 +31,6 @@ import { Store } from "./store.js";
 import { Tabs } from "./tabs.js";
 
 const $ = (id) => document.getElementById(id);
-const WAVE_POINTS_PER_S = 50;
 const NOTHING = { duration_s: 1, fps: 60, blocks: [], takes: [], music_beats_s: [], music_beat_numbers: [], motion_beats_s: [], sections: [] };
 
 class Studio {
@@ -97,17 +97,10 @@ class Studio {
   // Send a song. When it has been analysed, its first dance is shown and played.
   openSong(file) {
     return attempt(async () => {
-      document.body.classList.add("loading");
-      $("welcome").dataset.state = `Making a dance to ${file.name}`;
-      try {
-        await this.jobs.finish(await upload("song", file), `Making a dance to ${file.name}`);
-        await this.store.refresh();
-        await this.shown;
-        this.player.seek(0);
-        this.player.play();
-      } finally {
-        document.body.classList.remove("loading");
-      }
+      await this.jobs.finish(await upload("song", file), `Making a dance to ${file.name}`);
+      await this.shown;
+      this.player.seek(0);
+      this.player.play();
     });
   }
 
@@ -116,6 +109,14 @@ class Studio {
     const { state } = this.store;
     this.#showHeading(state);
     if (!state.dance) return null;
+    const content = contentOf(state);
+    if (this.content === content) { // such as after a lock
+      this.lanes.redraw();
+      $("stage").dataset.revision = state.revision;
+      this.store.tellShown();
+      return null;
+    }
+    this.content = content;
     const songChanged = this.song !== `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
     this.shown = this.#showDance(state, songChanged);
     return this.shown;
@@ -123,9 +124,9 @@ class Studio {
 
   #showHeading({ song, dance, project, can_undo, can_redo }) {
     document.body.classList.toggle("empty", !dance);
-    $("song-name").textContent = song?.name ?? "No song yet";
+    $("song-name").textContent = song?.name ?? "choreograph studio";
     document.title = song ? `${song.name} · choreograph studio` : "choreograph studio";
-    $("saved").textContent = dance && project ? `Saved in ${project.name}` : "";
+    $("saved").textContent = dance && project.file ? `Saved in ${project.file}` : "";
     $("undo").disabled = !can_undo;
     $("redo").disabled = !can_redo;
   }
@@ -134,11 +135,9 @@ class Studio {
     const { dance } = state;
     if (songChanged) {
       this.song = `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
-      const points = Math.round(dance.duration_s * WAVE_POINTS_PER_S);
-      const { peaks, rms = [] } = await get(`song/waveform?points=${points}`);
-      const bytes = (values) => Uint8Array.from(values, (x) => Math.round(255 * Math.min(1, x)));
-      this.levels = { peaks: bytes(peaks), cores: bytes(rms) };
-      this.levelsPerS = peaks.length / dance.duration_s;
+      const { levels, levels_per_s: perS } = await get("song/waveform");
+      this.levels = await decompressLevels(levels);
+      this.levelsPerS = perS;
       this.player.open(dance, `/api/song/audio?of=${encodeURIComponent(state.song.name)}`);
       this.store.select(null);
     }
@@ -156,6 +155,10 @@ class Studio {
     this.floor.show(this.view.path());
     this.recolour();
     $("stage").dataset.revision = state.revision;
+    this.store.tellShown();
+    const unmet = dance.unmet ?? [];
+    if (unmet.length && unmet.join() !== this.unmet) say(unmet.join(" "), { error: true });
+    this.unmet = unmet.join();
   }
 
   #openLanes(dance) {
@@ -237,10 +240,17 @@ class Studio {
   listen() {
     const events = new EventSource("/api/events");
     events.addEventListener("message", ({ data }) => {
-      const { state } = JSON.parse(data);
-      if (state !== undefined && state > (this.store.state?.revision ?? -1) && !this.jobs.running) this.store.refresh();
+      const { state, job } = JSON.parse(data), { store, jobs } = this;
+      if (jobs.running || store.changing) return; // the page follows its own work
+      if (state !== undefined && (state > store.state.revision || !store.dance)) store.refresh();
+      else if (job?.state === "running" && !store.dance) attempt(() => jobs.finish({ job: job.id }, "Making the first dance"));
     });
   }
+}
+
+// What decides whether a state has another dance than the one shown.
+function contentOf({ dance, song, character }) {
+  return JSON.stringify([song, character, dance.blocks, dance.edits, dance.cost, dance.frames, dance.root_origin_m]);
 }
 
 const studio = new Studio(await serverPaths());

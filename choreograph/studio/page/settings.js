@@ -8,6 +8,7 @@ export class Settings {
   constructor(store, actions) {
     Object.assign(this, { store, actions, waiting: 0, changes: {}, built: "" });
     this.box = document.getElementById("settings-form");
+    this.sliders = document.getElementById("weights");
     document.getElementById("roll").addEventListener("click", () => this.roll());
     store.addEventListener("state", () => this.show());
   }
@@ -28,9 +29,9 @@ export class Settings {
       const value = settings[control.dataset.setting];
       if (document.activeElement !== control || control.type !== "text") control.value = value ?? "";
     }
-    for (const control of this.box.querySelectorAll("[data-weight]")) {
+    for (const control of document.querySelectorAll("[data-weight]")) {
       const { weight, preset } = control.dataset;
-      control.value = settings.weights?.[weight] ?? preset;
+      control.value = weight === "dynamics" ? settings.dynamics : settings.weights?.[weight] ?? preset;
       this.#showWeight(control);
     }
   }
@@ -47,7 +48,7 @@ export class Settings {
     };
     choice("engine", "Engine", choices.engines?.map((engine) => [engine, engine]));
     choice("genre", "Genre", [["", "as the music asks"], ...(choices.genres ?? []).map((genre) => [genre, genre])]);
-    choice("energy", "Energy", [["", "as the music asks"], ...["low", "middle", "high"].map((level) => [level, level])]);
+    choice("stage", "Stage", [["near", "near the middle"], ["free", "free"], ["4x3", "4 × 3 m"], ["3x2", "3 × 2 m"]]);
     choice("front", "Front", [["audience", "to the audience"], ["free", "free"]]);
     if ("seed" in settings) {
       const seed = createElement("input");
@@ -56,15 +57,17 @@ export class Settings {
       seed.addEventListener("change", () => this.#change({ seed: Math.max(0, Math.round(Number(seed.value))) }));
       rows.push(createElement("label", "row", [createElement("span", "", ["Seed"]), seed]));
     }
-    const weights = (choices.weights ?? []).map((weight) => this.#slider(weight));
-    this.box.replaceChildren(
-      ...rows,
+    const dynamics = { name: "dynamics", default: 1, low: 0, high: 1, sentence: "How much the size of the dance follows the loudness of the music." };
+    if ("dynamics" in settings) rows.push(this.#slider(dynamics, (value) => ({ dynamics: value })));
+    const weights = (choices.weights ?? []).map((weight) => this.#slider(weight, (value) => ({ weights: { [weight.name]: value } })));
+    this.box.replaceChildren(...rows);
+    this.sliders.replaceChildren(
       ...(weights.length ? [createElement("h4", "", ["Weights"]), createElement("p", "hint", ["A higher weight matters more. Each change makes the dance again, and keeps what is locked."])] : []),
       ...weights,
     );
   }
 
-  #slider({ name, default: preset, sentence, low = 0, high }) {
+  #slider({ name, default: preset, sentence, low = 0, high }, changesOf) {
     const input = createElement("input");
     Object.assign(input, { type: "range", min: low, max: high ?? Math.max(4, 3 * preset), step: "any", value: preset });
     Object.assign(input.dataset, { weight: name, preset });
@@ -76,7 +79,7 @@ export class Settings {
       input.setAttribute("aria-describedby", hint.id);
       label.append(hint);
     }
-    input.addEventListener("input", () => { this.#showWeight(input); this.#change({ weights: { [name]: Number(Number(input.value).toFixed(2)) } }); });
+    input.addEventListener("input", () => { this.#showWeight(input); this.#change(changesOf(Number(Number(input.value).toFixed(2)))); });
     input.addEventListener("dblclick", () => { input.value = preset; input.dispatchEvent(new Event("input")); });
     return label;
   }

@@ -7,6 +7,7 @@ export class Store extends EventTarget {
     super();
     this.paths = paths;
     this.state = null;
+    this.changing = 0; // requests for changes that are not answered yet
     this.span = null; // the selected span: { from, to } in seconds of the dance
   }
 
@@ -28,6 +29,7 @@ export class Store extends EventTarget {
 
   // Send a change of the newest revision. Its answer is the new state, or a job.
   async change(path, body = {}, method = "POST") {
+    this.changing += 1;
     try {
       const answer = await post(path, { revision: this.state.revision, ...body }, method);
       if (answer && "revision" in answer) this.apply(answer);
@@ -38,8 +40,13 @@ export class Store extends EventTarget {
         throw new ApiError(409, { error: "Another page has changed this dance. The newest version is shown now: try again." });
       }
       throw error;
+    } finally {
+      this.changing -= 1;
     }
   }
+
+  // Tell that the dance of the newest state is on the stage.
+  tellShown() { this.#tell("shown"); }
 
   select(span) {
     this.span = span;
