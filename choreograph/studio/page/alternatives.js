@@ -57,7 +57,7 @@ export class Alternatives {
 
   async #show(found, key) {
     this.note.textContent = found.length
-      ? `${found.length} alternatives, the best first. Hover or focus to play, press to choose.`
+      ? `${found.length} alternatives, the best first. ${matchMedia("(hover: hover)").matches ? "Point at one to play it, press" : "Press"} to choose.`
       : "Nothing else in these takes fits here. Try a longer or shorter span.";
     const accent = getComputedStyle(document.documentElement).getPropertyValue("--figure").trim();
     for (const [i, alternative] of found.entries()) {

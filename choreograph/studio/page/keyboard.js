@@ -44,6 +44,7 @@ export class Keyboard {
       x: () => actions.edit("swap"),
       v: () => actions.edit("vary"),
       r: () => actions.edit("repeat", { at: selection.snap(player.time) }),
+      R: () => actions.edit("repeat", { at: selection.snap(player.time), mirrored: true }),
       h: () => actions.canEdit("hold") && actions.edit("hold"),
       k: () => actions.toggleLock(),
       c: () => this.compare.flip(),
