@@ -69,10 +69,10 @@ export class Actions {
     return attempt(() => this.store.change(path));
   }
 
-  // Make the dance again with other settings. Locked spans are kept.
-  settings(changes) {
+  // Make the dance again with other settings, or one span of it. Locked spans are kept.
+  settings(changes, span = null) {
     return attempt(async () => {
-      const answer = await this.store.change("settings", { changes, keep_locked: true });
+      const answer = await this.store.change("settings", { changes, keep_locked: true, ...span });
       await this.jobs.finish(answer, "Dancing again");
       return true;
     });

@@ -97,7 +97,7 @@ class Studio {
   // Send a song. When it has been analysed, its first dance is shown and played.
   openSong(file) {
     return attempt(async () => {
-      await this.jobs.finish(await upload("song", file), `Making a dance to ${file.name}`);
+      await this.jobs.finish(await this.store.sending(upload("song", file)), `Making a dance to ${file.name}`);
       await this.shown;
       this.player.seek(0);
       this.player.play();
@@ -243,7 +243,7 @@ class Studio {
       const { state, job } = JSON.parse(data), { store, jobs } = this;
       if (jobs.running || store.changing) return; // the page follows its own work
       if (state !== undefined && (state > store.state.revision || !store.dance)) store.refresh();
-      else if (job?.state === "running" && !store.dance) attempt(() => jobs.finish({ job: job.id }, "Making the first dance"));
+      else if (job?.state === "running" && !store.dance) attempt(() => jobs.finish({ job: job.job }, "Making the first dance"));
     });
   }
 }

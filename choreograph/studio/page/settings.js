@@ -11,12 +11,23 @@ export class Settings {
     this.sliders = document.getElementById("weights");
     document.getElementById("roll").addEventListener("click", () => this.roll());
     store.addEventListener("state", () => this.show());
+    store.addEventListener("span", () => this.#showSpan());
+    this.#showSpan();
   }
 
   // Another seed: everything that is not locked is danced otherwise.
   roll() {
     const { seed = 0 } = this.store.state?.settings ?? {};
-    return this.actions.settings({ seed: seed + 1 });
+    return this.actions.settings({ seed: seed + 1 }, this.span);
+  }
+
+  // The span that is danced again, or null for the whole dance.
+  get span() { return document.getElementById("only-span").checked ? this.store.span : null; }
+
+  #showSpan() {
+    const { span } = this.store, box = document.getElementById("only-span");
+    box.disabled = !span;
+    if (!span) box.checked = false;
   }
 
   show() {
@@ -97,7 +108,7 @@ export class Settings {
     this.waiting = setTimeout(async () => {
       const sent = this.changes;
       this.changes = {};
-      const done = await this.actions.settings(sent);
+      const done = await this.actions.settings(sent, this.span);
       if (!done) this.show(); // back to what is danced
     }, WAIT_MS);
   }

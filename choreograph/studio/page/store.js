@@ -29,9 +29,8 @@ export class Store extends EventTarget {
 
   // Send a change of the newest revision. Its answer is the new state, or a job.
   async change(path, body = {}, method = "POST") {
-    this.changing += 1;
     try {
-      const answer = await post(path, { revision: this.state.revision, ...body }, method);
+      const answer = await this.sending(post(path, { revision: this.state.revision, ...body }, method));
       if (answer && "revision" in answer) this.apply(answer);
       return answer;
     } catch (error) {
@@ -40,6 +39,14 @@ export class Store extends EventTarget {
         throw new ApiError(409, { error: "Another page has changed this dance. The newest version is shown now: try again." });
       }
       throw error;
+    }
+  }
+
+  // Wait for a request that changes the dance. News of changes by other pages are of no interest meanwhile.
+  async sending(request) {
+    this.changing += 1;
+    try {
+      return await request;
     } finally {
       this.changing -= 1;
     }

@@ -1,0 +1,208 @@
+"""The studio in headless Chromium, as stories: what users do, one after the other."""
+
+from __future__ import annotations
+
+import json
+import time
+
+import pytest
+from browsers import SWIFTSHADER, until
+from studio_pages import PHONE, WIDE, drop, opening, outside, select, serving, shown
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser(chromium):
+    return chromium(SWIFTSHADER)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("studio")
+
+
+@pytest.fixture(scope="module")
+def address(folder):
+    with serving(folder) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def danced(address, browser, song):
+    """The address of a studio with a dance. A page dropped the song."""
+    with opening(browser, address) as page:
+        assert page.is_visible("#welcome")
+        drop(page, song)
+        until(page, "studio.playing && studio.time > 0.3", timeout_s=60)
+        assert not page.is_visible("#welcome")
+    return address
+
+
+def choose(page, index: int) -> None:
+    until(page, f"document.querySelectorAll('#alternatives button').length > {index}", timeout_s=30)
+    revision = page.evaluate("studio.revision")
+    page.locator("#alternatives button").nth(index).click()
+    shown(page, f"studio.revision > {revision}")
+
+
+def test_three_spans_are_changed_and_stay_so_after_a_reload(danced, browser, record_property):
+    with opening(browser, danced) as page:
+        shown(page)
+        for from_s, to_s in ((2.0, 4.0), (5.0, 7.0), (9.0, 11.0)):
+            before = outside(page, from_s - 1.1, to_s + 1.1)
+            select(page, from_s, to_s)
+            assert page.evaluate("studio.span.from") == pytest.approx(from_s, abs=0.3)
+            choose(page, 1)
+            until(page, "studio.playing")
+            assert outside(page, from_s - 1.1, to_s + 1.1) == before
+            page.keyboard.press("Space")
+        shown(page)
+        blocks = page.evaluate("JSON.stringify(studio.dance.blocks)")
+        page.reload()
+        until(page, "window.studio !== undefined")
+        shown(page)
+        assert page.evaluate("JSON.stringify(studio.dance.blocks)") == blocks
+        page.click("#undo")
+        shown(page, "studio.dance.edits.length === 2")
+        page.click("#redo")
+        shown(page, "studio.dance.edits.length === 3")
+        assert page.evaluate("JSON.stringify(studio.dance.blocks)") == blocks
+
+
+def test_all_is_done_by_keys(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+
+        def press(*keys: str) -> None:
+            for key in keys:
+                page.keyboard.press(key)
+
+        def changed(keys: str) -> None:
+            nonlocal revision
+            press(keys)
+            shown(page, f"studio.revision > {revision}")
+            revision = page.evaluate("studio.revision")
+
+        press("Home", "ArrowRight", "ArrowRight", ".", "[", "ArrowRight", "ArrowRight", ".", "]")
+        span = page.evaluate("studio.span")
+        assert 2.0 <= span["from"] <= 3.0 and span["to"] - span["from"] == pytest.approx(2.5, abs=0.6)
+        assert span["from"] in page.evaluate("studio.dance.music_beats_s")
+        changed("x")
+        changed("v")
+        changed("Control+z")
+        changed("Control+Shift+Z")
+        changed("k")
+        assert page.evaluate("studio.locks.length") == 1
+        locked = outside(page, 0, span["from"] + 0.6) and page.evaluate("studio.locks[0]")
+        assert locked == [pytest.approx(span["from"], abs=1e-3), pytest.approx(span["to"], abs=1e-3)]
+        press("l")
+        assert page.evaluate("studio.loop.on")
+        press("l")
+        changed("k")
+        assert page.evaluate("studio.locks.length") == 0
+        press("a")
+        until(page, "document.querySelectorAll('#alternatives button').length > 1", timeout_s=30)
+        press("a")
+        assert page.evaluate("document.activeElement.className") == "figure"
+        until(page, "studio.playing")  # the song plays with the focused figure
+        first = page.evaluate("document.activeElement.dataset.id")
+        press("ArrowRight")
+        assert page.evaluate("document.activeElement.dataset.id") != first
+        changed("Enter")
+        press("4")
+        assert page.evaluate("document.activeElement.getAttribute('aria-selected')") == "true"
+        press("Escape")
+        assert page.evaluate("studio.span") is None
+        press("?")
+        assert page.locator("#keys").is_visible()
+
+
+def test_rolling_again_keeps_what_is_locked(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        select(page, 4.0, 8.0)
+        page.click("#lock")
+        shown(page, "studio.locks.length === 1")
+        inside = "JSON.stringify(studio.dance.blocks.filter((b) => b.start_s >= 4.5 && b.end_s <= 7.5).map((b) => [studio.dance.takes[b.take].name, b.from_s]))"
+        before, revision = page.evaluate(inside), page.evaluate("studio.revision")
+        page.click("#tab-settings")
+        page.click("#roll")
+        shown(page, f"studio.revision > {revision}")
+        assert page.evaluate(inside) == before
+        assert page.input_value("[data-setting=seed]") == "1"
+        page.click("#tab-change")
+        page.click("#lock")
+        shown(page, "studio.locks.length === 0")
+
+
+def test_a_slider_changes_the_dance(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+        page.click("#tab-settings")
+        slider = page.locator("[data-weight=energy]")
+        slider.focus()
+        slider.press("End")
+        shown(page, f"studio.revision > {revision}")
+        assert page.evaluate("studio.dance.weights.energy") == pytest.approx(8.0)
+
+
+def test_a_file_that_is_no_song_is_refused_in_words(danced, browser, tmp_path):
+    (tmp_path / "broken.wav").write_bytes(b"no song at all" * 100)
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+        drop(page, tmp_path / "broken.wav")
+        page.wait_for_selector(".message.error")
+        assert "broken.wav" in page.inner_text(".message.error")
+        assert page.evaluate("studio.revision") == revision
+        page.keyboard.press("Space")
+        until(page, "studio.playing")
+
+
+def test_a_second_page_shows_what_the_first_changes(danced, browser):
+    with opening(browser, danced) as one, opening(browser, danced) as other:
+        for page in (one, other):
+            shown(page)
+        revision = one.evaluate("studio.revision")
+        select(one, 2.0, 4.0)
+        one.keyboard.press("x")
+        for page in (one, other):
+            shown(page, f"studio.revision > {revision}")
+        assert one.evaluate("JSON.stringify(studio.dance)") == other.evaluate("JSON.stringify(studio.dance)")
+
+
+@pytest.mark.parametrize("size", [WIDE, PHONE])
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_everything_is_within_the_window_and_has_a_name(danced, browser, size, scheme):
+    with opening(browser, danced, size, color_scheme=scheme, reduced_motion="reduce") as page:
+        shown(page)
+        for tab in page.locator("#rail button:visible").all():
+            tab.click()
+            wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+            assert wide[0] <= wide[1], tab.inner_text()
+            nameless = page.evaluate(
+                """[...document.querySelectorAll('button, input:not([hidden]), select, canvas:not([aria-hidden])')]
+                     .filter((e) => e.checkVisibility() && !e.closest('[aria-hidden]'))
+                     .filter((e) => !(e.ariaLabel || e.innerText?.trim() || e.labels?.length || e.id === 'tracks' || e.id === 'second'))
+                     .map((e) => e.outerHTML)"""
+            )
+            assert nameless == [], json.dumps(nameless)
+
+
+def test_first_paint_and_frames(danced, browser, record_property):
+    """Without a graphics card; recorded, with bounds that only a fault exceeds."""
+    with opening(browser, danced) as page:
+        paint_ms = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+        record_property("first_paint_ms", paint_ms)
+        assert paint_ms < 2000
+        shown(page)
+        page.keyboard.press("Space")
+        until(page, "studio.time > 0.5")
+        frames, at = page.evaluate("studio.framesDrawn"), time.perf_counter()
+        page.wait_for_timeout(1500)
+        per_s = (page.evaluate("studio.framesDrawn") - frames) / (time.perf_counter() - at)
+        record_property("frames_per_s", per_s)
+        assert per_s > 5
