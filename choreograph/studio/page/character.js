@@ -7,8 +7,8 @@ import { attempt, say } from "./messages.js";
 const HUES = { left: 28, right: 215, middle: 150 };
 
 export class Character {
-  constructor(store, jobs) {
-    Object.assign(this, { store, jobs, shown: "" });
+  constructor(store) {
+    Object.assign(this, { store, shown: "" });
     this.skeleton = document.getElementById("skeleton");
     this.bones = document.getElementById("bones");
     const file = document.getElementById("character-file");
@@ -19,8 +19,7 @@ export class Character {
 
   send(file) {
     return attempt(async () => {
-      const answer = await this.jobs.finish(await upload("character", file), `Reading ${file.name}`);
-      this.store.apply(answer);
+      this.store.apply(await this.store.sending(upload("character", file)));
       say(`The dance is on ${file.name} now.`);
     });
   }
@@ -36,8 +35,7 @@ export class Character {
     if (character && dance) this.#draw(dance, character, null);
   }
 
-  #rows({ bones, bone_names: names = [] }) {
-    const joints = this.store.dance?.names ?? Object.keys(bones);
+  #rows({ bones, all_bones: names, joints }) {
     return joints.map((joint) => {
       const select = createElement("select", "", [new Option("no bone", ""), ...names.map((name) => new Option(name, name))]);
       if (bones[joint] && !names.includes(bones[joint])) select.append(new Option(bones[joint], bones[joint]));
@@ -56,7 +54,7 @@ export class Character {
   #map(joint, node) {
     const changed = { ...this.store.state.character.bones, [joint]: node };
     if (!node) delete changed[joint];
-    return attempt(async () => this.store.apply(await put("character/bones", changed)));
+    return attempt(async () => this.store.apply(await put("character/bones", { bones: changed })));
   }
 
   // The rest pose of the dance's skeleton: joints with a bone are filled, the pointed one is larger.

@@ -1,7 +1,7 @@
 // Two versions of the dance: A and B, side by side or flipped in time with the music, with what differs marked, and a
 // rating of which one is better.
 
-import { get } from "./api.js";
+import { get, post } from "./api.js";
 import { DancerView } from "./dancer_view.js";
 import { attempt, say } from "./messages.js";
 
@@ -27,7 +27,7 @@ export class Compare {
   // The dance as it is becomes version A or B.
   keep(slot) {
     return attempt(async () => {
-      await this.store.change("versions", { slot });
+      this.store.apply(await this.store.sending(post("versions", { slot })));
       delete this.facts[slot];
       say(`This dance is version ${slot} now.`);
     });
@@ -88,7 +88,7 @@ export class Compare {
     if (before && this.showing && before.revision !== state.revision) { this.show(null); return; }
     const { versions } = state;
     for (const slot of ["A", "B"]) {
-      document.getElementById(`kept-${slot}`).textContent = versions[slot] ? `kept, change ${versions[slot]}` : "not kept yet";
+      document.getElementById(`kept-${slot}`).textContent = versions[slot] ? `dance ${versions[slot]} of this project` : "not kept yet";
       document.getElementById(`show-${slot}`).setAttribute("aria-pressed", String(this.showing === slot));
     }
     document.getElementById("show-both").setAttribute("aria-pressed", String(this.showing === "both"));

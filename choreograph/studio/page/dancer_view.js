@@ -35,9 +35,8 @@ export class DancerView {
     const answer = await fetch(`/api/character/glb?revision=${state.revision}`);
     if (!answer.ok) throw new Error((await answer.json()).error);
     const gltf = await new Three.GLTFLoader().parseAsync(await answer.arrayBuffer(), "");
-    const { nodes } = state.character;
-    const names = ["pelvis", ...Object.keys(nodes).filter((name) => name !== "pelvis")];
-    const joints = await Promise.all(names.map((name) => gltf.parser.getDependency("node", nodes[name])));
+    const { names, nodes } = state.character;
+    const joints = await Promise.all(nodes.map((node) => gltf.parser.getDependency("node", node)));
     this.#open("character", (canvas) => CharacterRenderer.open(canvas));
     const { renderer } = this.stage;
     if (renderer?.figure?.scene) renderer.scene.remove(renderer.figure.scene);

@@ -1,6 +1,7 @@
 // Writing the dance as a file, the whole or the selected span.
 
 import { createElement } from "/page/elements.js";
+import { post } from "./api.js";
 import { attempt, say } from "./messages.js";
 
 const NAMES = {
@@ -9,11 +10,14 @@ const NAMES = {
   mp4: ["MP4", "a video with the song"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
 };
 
+const WHOLE_ONLY = ["html", "json"]; // a part of a dance has no page or plan
+
 export class Export {
   constructor(store, jobs) {
     Object.assign(this, { store, jobs });
     this.form = document.getElementById("export-form");
     this.form.addEventListener("submit", (event) => { event.preventDefault(); this.write(); });
+    this.form.addEventListener("change", () => this.show());
     this.built = "";
     store.addEventListener("state", () => this.show());
     store.addEventListener("span", () => this.show());
@@ -21,12 +25,13 @@ export class Export {
 
   show() {
     const { choices, character, dance } = this.store.state;
-    const formats = choices.exports ?? [];
+    const formats = choices.exports ?? Object.keys(NAMES);
     if (formats.join() !== this.built) this.#build(formats);
     this.built = formats.join();
     const span = this.form.elements.part;
-    for (const radio of span) if (radio.value === "span") radio.disabled = !this.store.span;
-    if (!this.store.span) span.value = "whole";
+    const partly = this.store.span && !WHOLE_ONLY.includes(this.form.elements.format?.value);
+    for (const radio of span) if (radio.value === "span") radio.disabled = !partly;
+    if (!partly) span.value = "whole";
     document.getElementById("export-character").hidden = !character;
     this.form.querySelector("[type=submit]").disabled = !dance;
   }
@@ -47,10 +52,10 @@ export class Export {
       const { span, state } = this.store;
       const onCharacter = Boolean(state.character) && this.form.elements.character.checked;
       const wanted = { format, character: onCharacter, ...(part === "span" && span ? span : {}) };
-      const answer = await this.store.change("export", wanted);
-      const { file, bytes } = await this.jobs.finish(answer, `Writing ${format.toUpperCase()}`);
+      const answer = await post("export", wanted);
+      const { id, file, bytes } = await this.jobs.finish(answer, `Writing ${format.toUpperCase()}`);
       const link = createElement("a", "", [`${file}, ${sizeText(bytes)}`]);
-      Object.assign(link, { href: `/api/export/${answer.job}`, download: file });
+      Object.assign(link, { href: `/api/export/${id}`, download: file });
       document.getElementById("exported").prepend(createElement("li", "", [link]));
       link.click();
       say(`${file} is written.`);

@@ -47,7 +47,7 @@ class Studio {
     this.explain = new Explain(store);
     this.palette = new Palette(store, this.actions, this.figures, () => ({ timeline: this.lanes, snap: (time) => this.selection.snap(time) }), () => this.player);
     new Settings(store, this.actions);
-    this.character = new Character(store, this.jobs);
+    this.character = new Character(store);
     new Export(store, this.jobs);
     this.build = new Build(store, this.jobs);
     this.floor = new FloorPlan();
