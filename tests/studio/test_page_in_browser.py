@@ -8,6 +8,9 @@ import time
 import pytest
 from browsers import SWIFTSHADER, until
 from studio_pages import PHONE, WIDE, drop, opening, outside, select, serving, shown
+from synthetic_characters import CHARACTERS, write_character
+
+from choreograph.formats.register import load_motion
 
 pytestmark = pytest.mark.slow
 
@@ -206,3 +209,120 @@ def test_first_paint_and_frames(danced, browser, record_property):
         per_s = (page.evaluate("studio.framesDrawn") - frames) / (time.perf_counter() - at)
         record_property("frames_per_s", per_s)
         assert per_s > 5
+
+
+def exported(page, folder):
+    """Press the button of the export panel, and save the file that is downloaded."""
+    with page.expect_download(timeout=60_000) as download:
+        page.click("#export-form [type=submit]")
+    path = folder / download.value.suggested_filename
+    download.value.save_as(path)
+    return path
+
+
+def test_two_versions_are_compared_and_rated(danced, browser, folder):
+    with opening(browser, danced) as page:
+        shown(page)
+        page.click("#tab-compare")
+        page.click("#keep-A")
+        shown(page, "!document.getElementById('keep-B').disabled")
+        select(page, 4.0, 6.0)
+        revision = page.evaluate("studio.revision")
+        page.keyboard.press("x")
+        shown(page, f"studio.revision > {revision}")
+        page.click("#keep-B")
+        until(page, "!document.getElementById('show-both').disabled")
+        for name in ("A", "B", "both", "current"):
+            page.click(f"#show-{name}")
+            until(page, f"document.getElementById('show-{name}').ariaPressed === 'true'")
+        page.click("#show-A")
+        until(page, "studio.differences.length > 0")
+        spans = page.evaluate("studio.differences")
+        assert all(2.9 <= from_s and to_s <= 7.1 for from_s, to_s in spans)
+        page.keyboard.press("c")
+        until(page, "document.getElementById('show-B').ariaPressed === 'true'")
+        page.click("#better-B")
+        page.wait_for_selector(".message")
+        saved = page.inner_text(".message")
+        assert "study" in saved
+        page.click("#show-current")
+        until(page, "studio.differences.length === 0")
+
+
+def test_a_span_is_exported_and_read_again(danced, browser, tmp_path):
+    with opening(browser, danced, accept_downloads=True) as page:
+        shown(page)
+        select(page, 4.0, 8.0)
+        page.click("#tab-export")
+        page.check("[name=format][value=bvh]")
+        page.check("[name=part][value=span]")
+        motion = load_motion(exported(page, tmp_path)).motion
+        from_s, to_s = page.evaluate("[studio.span.from, studio.span.to]")
+        assert motion.duration_s == pytest.approx(to_s - from_s, abs=0.05)
+
+
+def test_a_move_of_the_palette_is_placed(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+        page.click("#tab-palette")
+        until(page, "document.querySelectorAll('#palette-list button').length > 3", timeout_s=60)
+        page.fill("[name=text]", "salsa")
+        until(
+            page,
+            "[...document.querySelectorAll('#palette-list button')].every((b) => /salsa/.test(b.ariaLabel))",
+        )
+        select(page, 6.0, 9.0)
+        page.locator("#palette-list button").first.click()
+        shown(page, f"studio.revision > {revision}")
+        takes = page.evaluate(
+            "studio.dance.blocks.filter((b) => b.end_s > 6.6 && b.start_s < 8.4).map((b) => studio.dance.takes[b.take].name)"
+        )
+        assert takes and all("salsa" in take for take in takes)
+
+
+def test_what_is_danced_is_explained(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        page.keyboard.press("ArrowRight")
+        page.click("#tab-why")
+        page.wait_for_selector("#explanation h3", timeout=30_000)
+        name = page.inner_text("#explanation h3")
+        assert name in page.evaluate("studio.dance.takes.map((take) => take.name)")
+        assert "CC0" in page.inner_text("#explanation .facts")
+
+
+def test_a_newcomers_task(browser, tmp_path, song, record_property):
+    """Song in, change the second half, own character, GLB out: at most 12 actions, at most a minute."""
+    write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
+    (tmp_path / "work").mkdir()
+    with (
+        serving(tmp_path / "work") as address,
+        opening(browser, address, accept_downloads=True) as page,
+    ):
+        since, actions = time.monotonic(), 0
+
+        def act(do, *arguments) -> None:
+            nonlocal actions
+            actions += 1
+            do(*arguments)
+
+        act(drop, page, song)
+        until(page, "studio.playing && studio.time > 0.1", timeout_s=60)
+        act(select, page, 6.0, 10.0)
+        until(page, "document.querySelectorAll('#alternatives button').length > 0", timeout_s=30)
+        act(page.locator("#alternatives button").first.click)
+        shown(page, "studio.dance.edits.length === 1")
+        act(drop, page, tmp_path / "hero.glb")
+        shown(page, "studio.character === 'hero.glb'")
+        act(page.click, "#to-export")
+        act(page.check, "[name=format][value=glb]")
+        actions += 1
+        path = exported(page, tmp_path)
+        record_property("actions", actions)
+        record_property("seconds", time.monotonic() - since)
+        assert actions <= 12
+    document = read_document(path)
+    assert len(document.json["animations"]) == 1
+    assert any("mixamorig:Hips" in node.get("name", "") for node in document.json["nodes"])
+    assert load_motion(path).motion.duration_s == pytest.approx(12.4, abs=0.1)

@@ -12,6 +12,7 @@ export class Lanes extends Timeline {
     super(dance, levels, counts, player, options);
     this.store = store;
     this.runs = runsOf(dance);
+    this.differences = null; // spans in which compared versions differ
     this.chosen = document.getElementById("chosen");
   }
 
@@ -73,10 +74,10 @@ export class Lanes extends Timeline {
     }
   }
 
-  // A line over what the last change has changed.
+  // A line over what the last change has changed, or over what two compared versions differ in.
   #drawChanged(context) {
     context.fillStyle = this.ink("--accent");
-    for (const [from, to] of this.store.state?.changed ?? []) {
+    for (const [from, to] of this.differences ?? this.store.state?.changed ?? []) {
       context.fillRect(this.x(from), BLOCKS[0] - 4, Math.max(2, (to - from) * this.pxPerS), 2);
     }
   }

@@ -221,18 +221,21 @@ class Studio {
 
   // A state of the page for scripts, such as tests.
   facts() {
-    const { player, view, store } = this;
+    const studio = this, { player, view, store } = this;
     return Object.freeze({
       get time() { return player.time; },
       get playing() { return player.playing; },
       get revision() { return store.state?.revision ?? null; },
       get shownRevision() { return Number($("stage").dataset.revision ?? -1); },
       get span() { return store.span; },
+      get character() { return store.state?.character?.name ?? null; },
+      get differences() { return studio.lanes?.differences ?? []; },
       get locks() { return store.state?.locks ?? []; },
       get dance() { return store.dance; },
       get busy() { return document.body.getAttribute("aria-busy") === "true"; },
       get framesDrawn() { return view.stage?.drawn ?? 0; },
       get loop() { return { ...player.loop }; },
+      seek(timeS) { player.seek(timeS); },
     });
   }
 
