@@ -17,8 +17,8 @@ from playwright.sync_api import sync_playwright
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from browsers import SWIFTSHADER, until  # noqa: E402
-from studio_pages import WIDE, select, serving, shown  # noqa: E402
+from browsers import SWIFTSHADER  # noqa: E402
+from studio_pages import WIDE, select, serving, shown, until  # noqa: E402
 
 import choreograph as cg  # noqa: E402
 
@@ -40,13 +40,15 @@ def main() -> None:
             until(page, "window.studio !== undefined")
             shown(page)
             select(page, *SPAN_S)
-            until(page, "document.querySelectorAll('#alternatives button').length > 3", timeout_s=60)
+            until(page, "document.querySelectorAll('#alternatives button').length > 3")
             page.evaluate(f"studio.seek({SHOWN_S})")
             page.mouse.move(600, 20)
             page.wait_for_timeout(2000)
             shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()
-    shot.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(PICTURE, optimize=True)
+    shot.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+        PICTURE, optimize=True
+    )
     print(f"{PICTURE}: {PICTURE.stat().st_size} bytes")
 
 

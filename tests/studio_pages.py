@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import base64
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import uvicorn
-from browsers import until
+import browsers
 
 from choreograph.library.builtin import as_repertoire
 from choreograph.studio.app import make_app
@@ -16,7 +17,13 @@ from choreograph.studio.safety import Access
 from choreograph.studio.serve import _listening
 from choreograph.studio.start import start
 
+PATIENCE_S = 240  # work may take long where many tests run beside it
 WIDE, PHONE = (1280, 800), (390, 844)
+
+
+def until(page, condition: str) -> None:
+    """Wait for a condition on the page."""
+    browsers.until(page, condition, timeout_s=PATIENCE_S)
 
 
 @contextmanager
@@ -43,6 +50,7 @@ def serving(folder: Path, song: Path | None = None, repertoire=None) -> Iterator
 def opening(browser, address: str, size=WIDE, **options) -> Iterator:
     """A page of a studio. What it complains of in the console fails the test at the end."""
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **options)
+    context.set_default_timeout(1000 * PATIENCE_S)
     page = context.new_page()
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))
@@ -61,7 +69,6 @@ def shown(page, condition: str = "true") -> None:
     until(
         page,
         f"studio.dance && !studio.busy && studio.shownRevision === studio.revision && ({condition})",
-        timeout_s=60,
     )
 
 
@@ -81,8 +88,6 @@ def drop(page, path: Path) -> None:
 
 
 def _base64(path: Path) -> str:
-    import base64
-
     return base64.b64encode(path.read_bytes()).decode("ascii")
 
 

@@ -6,8 +6,8 @@ import json
 import time
 
 import pytest
-from browsers import SWIFTSHADER, until
-from studio_pages import PHONE, WIDE, drop, opening, outside, select, serving, shown
+from browsers import SWIFTSHADER
+from studio_pages import PATIENCE_S, PHONE, WIDE, drop, opening, outside, select, serving, shown, until
 from synthetic_characters import CHARACTERS, write_character
 
 from choreograph.formats.gltf_files import read_gltf
@@ -38,13 +38,13 @@ def danced(address, browser, song):
     with opening(browser, address) as page:
         assert page.is_visible("#welcome")
         drop(page, song)
-        until(page, "studio.playing && studio.time > 0.3", timeout_s=60)
+        until(page, "studio.playing && studio.time > 0.3")
         assert not page.is_visible("#welcome")
     return address
 
 
 def choose(page, index: int) -> None:
-    until(page, f"document.querySelectorAll('#alternatives button').length > {index}", timeout_s=30)
+    until(page, f"document.querySelectorAll('#alternatives button').length > {index}")
     revision = page.evaluate("studio.revision")
     page.locator("#alternatives button").nth(index).click()
     shown(page, f"studio.revision > {revision}")
@@ -107,7 +107,7 @@ def test_all_is_done_by_keys(danced, browser):
         changed("k")
         assert page.evaluate("studio.locks.length") == 0
         press("a")
-        until(page, "document.querySelectorAll('#alternatives button').length > 1", timeout_s=30)
+        until(page, "document.querySelectorAll('#alternatives button').length > 1")
         press("a")
         assert page.evaluate("document.activeElement.className") == "figure"
         until(page, "studio.playing")  # the song plays with the focused figure
@@ -214,7 +214,7 @@ def test_first_paint_and_frames(danced, browser, record_property):
 
 def exported(page, folder):
     """Press the button of the export panel, and save the file that is downloaded."""
-    with page.expect_download(timeout=60_000) as download:
+    with page.expect_download(timeout=1000 * PATIENCE_S) as download:
         page.click("#export-form [type=submit]")
     path = folder / download.value.suggested_filename
     download.value.save_as(path)
@@ -267,7 +267,7 @@ def test_a_move_of_the_palette_is_placed(danced, browser):
         shown(page)
         revision = page.evaluate("studio.revision")
         page.click("#tab-palette")
-        until(page, "document.querySelectorAll('#palette-list button').length > 3", timeout_s=60)
+        until(page, "document.querySelectorAll('#palette-list button').length > 3")
         page.fill("[name=text]", "salsa")
         until(
             page,
@@ -287,7 +287,7 @@ def test_what_is_danced_is_explained(danced, browser):
         shown(page)
         page.keyboard.press("ArrowRight")
         page.click("#tab-why")
-        page.wait_for_selector("#explanation h3", timeout=30_000)
+        page.wait_for_selector("#explanation h3")
         name = page.inner_text("#explanation h3")
         assert name in page.evaluate("studio.dance.takes.map((take) => take.name)")
         assert "CC0" in page.inner_text("#explanation .facts")
@@ -309,9 +309,9 @@ def test_a_newcomers_task(browser, tmp_path, song, record_property):
             do(*arguments)
 
         act(drop, page, song)
-        until(page, "studio.playing && studio.time > 0.1", timeout_s=60)
+        until(page, "studio.playing && studio.time > 0.1")
         act(select, page, 6.0, 10.0)
-        until(page, "document.querySelectorAll('#alternatives button').length > 0", timeout_s=30)
+        until(page, "document.querySelectorAll('#alternatives button').length > 0")
         act(page.locator("#alternatives button").first.click)
         shown(page, "studio.dance.edits.length === 1")
         act(drop, page, tmp_path / "hero.glb")
