@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import uvicorn
 import browsers
+import uvicorn
 
 from choreograph.library.builtin import as_repertoire
 from choreograph.studio.app import make_app

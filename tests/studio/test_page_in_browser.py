@@ -239,7 +239,7 @@ def test_two_versions_are_compared_and_rated(danced, browser, folder):
         page.click("#show-A")
         until(page, "studio.differences.length > 0")
         spans = page.evaluate("studio.differences")
-        assert all(2.9 <= from_s and to_s <= 7.1 for from_s, to_s in spans)
+        assert all(from_s >= 2.9 and to_s <= 7.1 for from_s, to_s in spans)
         page.keyboard.press("c")
         until(page, "document.getElementById('show-B').ariaPressed === 'true'")
         page.click("#better-B")
