@@ -1,4 +1,4 @@
-"""Takes the picture of the studio for the documentation: `python docs/studio_picture.py`, with Chromium installed.
+"""Takes the picture of the studio for the documentation: `python docs/studio_picture.py`. It needs Chromium.
 
 The picture shows a song of the program, danced with the built-in repertoire, with one part selected.
 """
