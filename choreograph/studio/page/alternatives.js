@@ -29,11 +29,14 @@ export class Alternatives {
     this.note.textContent = "";
   }
 
-  // Ask for the alternatives of the selected span. A newer question cancels an older one.
+  // Look again if the panel is opened with another span or dance than it has shown.
+  open() { if (this.key !== this.#key()) this.look(); }
+
+  // Ask for the alternatives of the selected span, if the panel is open. A newer question cancels an older one.
   async look() {
     const { store, jobs } = this, { span } = store;
-    if (!span || !store.dance || !store.has("alternatives")) { this.#empty(); return; }
     this.#empty();
+    if (!span || !store.dance || this.list.closest("[role=tabpanel]").hidden) return;
     this.key = this.#key();
     const { key } = this;
     this.asked = new AbortController();

@@ -187,6 +187,7 @@ class Studio {
   }
 
   #opened(name) {
+    if (name === "change" && this.dance) this.alternatives.open();
     if (name === "palette") this.palette.open();
     if (name === "character") this.character.show();
     if (name === "why" && this.dance) this.#explainHere();

@@ -90,14 +90,16 @@ export class Palette {
   }
 
   // Place a move in the selected span, or where the dance stands.
-  place(item, atS = null) {
+  async place(item, atS = null) {
     const { span, dance } = this.store;
     const long = clamp(item.to_s - item.from_s, 1, 8);
     const start = atS ?? span?.from ?? this.getPlayer().time;
     const from = clamp(this.getLanes().snap(start), 0, dance.duration_s - 1);
     const to = atS === null && span ? span.to : Math.min(dance.duration_s, this.getLanes().snap(from + long));
-    if ("motif" in item) return this.actions.edit("pin_motif", { from, to, motif: item.motif });
-    return this.actions.edit("pin_take", { from, to, take: item.take, source_s: item.from_s });
+    if ("motif" in item) await this.actions.edit("pin_motif", { from, to, motif: item.motif });
+    else if (await this.actions.edit("pin_take", { from, to, take: item.take, source_s: item.from_s })) {
+      say(`The part of ${item.take} that fits best is danced here.`);
+    }
   }
 
   // A move that is dragged to the timeline is placed where it is let go.
