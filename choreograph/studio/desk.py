@@ -36,6 +36,7 @@ from choreograph.studio.shelf import Shelf
 
 _MEMORY_BYTES = 1 << 28  # of what dances to one song have in common
 _MOTION_BYTES = 1 << 26  # of motions of steps, so that undo shows at once
+_COMPRESSED_BYTES = 1 << 23  # of motions as they are sent
 _BESIDE_S = 0.5  # of the dance on either side of an alternative
 _MOST_ALTERNATIVES = 24
 _SHORTEST_LEFT_S = 0.05  # of a locked part. Shorter ones are left out
@@ -73,6 +74,7 @@ class Desk:
         self._file: ProjectFile | None = None
         self._memory = repertoire, Memory(_MEMORY_BYTES)
         self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
+        self._compressed: RecentItems[dict[str, Any]] = RecentItems(_COMPRESSED_BYTES)
         self._offers: dict[str, _Offer] = {}
         self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
         self._facts: dict[str, tuple[int, dict[str, Any]]] = {}  # by what they are of, with their step
@@ -127,6 +129,7 @@ class Desk:
         """Begin with a project whose song and dance are not read yet."""
         repertoire = self.shelf.open(project.settings.repertoire, self.folder)
         self._memory, self._motions = (repertoire, Memory(_MEMORY_BYTES)), RecentItems(_MOTION_BYTES)
+        self._compressed = RecentItems(_COMPRESSED_BYTES)
         self._offers, self._facts = {}, {}
         self.state = State(project, repertoire)
 
@@ -194,9 +197,19 @@ class Desk:
         features = self.state.features
         if kept is None or kept[0] != step.number:
             assert features is not None
-            kept = step.number, whole_facts(dance, features, self.mannequin()[1])
+            motion = self.motion_data(slot)["facts"]
+            kept = step.number, whole_facts(dance, features, self.mannequin()[1], motion)
             self._facts[slot] = kept
         return kept[1]
+
+    def motion_data(self, slot: str = "") -> dict[str, Any]:
+        """The compressed motion of the dance, or of version A or B, else `NotFoundError`."""
+        step, dance = self.version(slot) if slot else self.current()
+        data = self._compressed.get(step.number)
+        if data is None:
+            data = motion_data(dance.motion)
+            self._compressed.keep(step.number, data, len(data["motion"]))
+        return data
 
     def version(self, slot: str) -> tuple[Step, Dance]:
         """The step of version A or B, and its dance. Raises `NotFoundError` if there is none."""

@@ -62,13 +62,18 @@ def motion_data(motion: Motion, *, small: bool = False) -> dict[str, Any]:
     return {"facts": facts, "motion": made.text}
 
 
-def whole_facts(dance: Dance, features: SongFeatures, mannequin: dict[str, Any]) -> dict[str, Any]:
-    """The facts of a dance as in the page of `choreograph dance`, with sections, phrases, words and edits."""
+def whole_facts(
+    dance: Dance, features: SongFeatures, mannequin: dict[str, Any], motion: dict[str, Any]
+) -> dict[str, Any]:
+    """The facts of a dance as in the page of `choreograph dance`, with sections, phrases, words and edits.
+
+    `mannequin` and `motion` are the facts of both.
+    """
     plan = dance.plan
     duration_s = min(dance.motion.duration_s, plan.blocks[-1].end_s)
     facts = dance_facts(plan, duration_s, title=plan.song or "Dance", motion_beats_s=dance.motion_beats_s)
     return {
-        **facts, **mannequin, **motion_data(dance.motion)["facts"],
+        **facts, **mannequin, **motion,
         "start_s": plan.start_s, "opening_s": plan.opening_s, "closing_s": plan.danced_until_s,
         **places(features),
         "words": [

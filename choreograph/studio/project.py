@@ -14,13 +14,13 @@ import reprlib
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 from choreograph.core.arguments import check_choice, check_text, is_number, is_whole
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.settings import changed as changed_settings
 from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit, read_edit
+from choreograph.plan_parts import PlannedEdit, faults_of_edit, read_edit
 from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-studio"
@@ -28,6 +28,8 @@ VERSION = 1
 SLOTS = ("A", "B")
 ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
+
+EditKind = Literal["swap", "vary", "repeat", "pin_take", "pin_motif", "ban"]  # that a page can ask for
 
 Span = tuple[float, float]  # from one time of the dance to another, in seconds
 
@@ -270,9 +272,10 @@ def project_from_json(text: str, name: str) -> Project:
 def _project_of(data: dict[str, Any], name: str) -> Project:
     texts = {key: str(data[key]) for key in ("song", "character")}
     steps: dict[int, Step] = {}
+    bases: dict[int, Plan] = {}  # plans without edits, by the number of each step
     for entry in data["steps"]:
-        step = _step_of(entry, steps, name)
-        steps[step.number] = step
+        step, base = _step_of(entry, steps, bases, name)
+        steps[step.number], bases[step.number] = step, base
     path, at, revision = tuple(data["path"]), data["at"], data["revision"]
     if not (is_whole(at) and is_whole(revision)):
         raise FormatError(f"{name}: expected a place in its path and a revision, got {at!r}, {revision!r}")
@@ -291,26 +294,30 @@ def _project_of(data: dict[str, Any], name: str) -> Project:
     )  # fmt: skip
 
 
-def _step_of(entry: dict[str, Any], steps: Mapping[int, Step], name: str) -> Step:
-    where = f"{name}: step {entry['number']!r:.20}"
+def _step_of(
+    entry: dict[str, Any], steps: Mapping[int, Step], bases: Mapping[int, Plan], name: str
+) -> tuple[Step, Plan]:
+    """A step, and its plan without edits."""
+    number, parent = entry["number"], None if entry["parent"] is None else steps[entry["parent"]]
+    where = f"{name}: step {number!r:.20}"
+    if not is_whole(number) or number in steps:
+        raise FormatError(f"{where}: expected a number of its own")
     settings = Settings().changed(entry["settings"])
     own = tuple(read_edit(edit, f"{where}, edit {i}") for i, edit in enumerate(entry["edits"]))
     spans = tuple(_span(span) for span in entry["changed"])
-    parent = None if entry["parent"] is None else steps[entry["parent"]]
-    if not is_whole(entry["number"]) or entry["number"] in steps:
-        raise FormatError(f"{where}: expected a number of its own")
     if parent is None:
         try:
-            base = base64.b64decode(entry["plan"], validate=True)
+            packed = base64.b64decode(entry["plan"], validate=True)
         except binascii.Error as error:
             raise FormatError(f"{where}: expected a plan in base64, got another text: {error}") from None
-        plan = Plan.from_json(_inflated(base), name=where)
+        base = Plan.from_json(_inflated(packed, f"{where}: "), name=where)
     else:
-        plan = parent.plan()
-    plan = replace(plan, edits=(*plan.edits, *own))
-    if parent is None or own:
-        plan.check()
-    return new_step(int(entry["number"]), str(entry["request"]), settings, plan, spans, parent)
+        base = bases[parent.number]
+    for edit in own:
+        for fault in faults_of_edit(edit, base.duration_s):
+            raise FormatError(f"{where}: edit {edit.request[:80]}: {fault}")
+    plan = replace(base, edits=(*(parent.edits if parent else ()), *own))
+    return new_step(int(number), str(entry["request"]), settings, plan, spans, parent), base
 
 
 def _span(entry: Any) -> Span:
@@ -320,13 +327,13 @@ def _span(entry: Any) -> Span:
     return float(start_s), float(end_s)
 
 
-def _inflated(base: bytes) -> str:
+def _inflated(base: bytes, where: str = "") -> str:
     """The text of compressed bytes. Raises `FormatError` if they are damaged or far too long."""
     inflater = zlib.decompressobj()
     try:
-        text = inflater.decompress(base, _MOST_PLAN_BYTES)
-        if inflater.unconsumed_tail or not inflater.eof:
-            raise FormatError("expected a whole plan, got one that is cut off or too long")
-        return text.decode()
+        text = inflater.decompress(base, _MOST_PLAN_BYTES).decode()
     except (zlib.error, UnicodeDecodeError) as error:
-        raise FormatError(f"expected a compressed plan, got damaged bytes: {error}") from None
+        raise FormatError(f"{where}expected a compressed plan, got damaged bytes: {error}") from None
+    if inflater.unconsumed_tail or not inflater.eof:
+        raise FormatError(f"{where}expected a whole plan, got one that is cut off or too long")
+    return text

@@ -9,15 +9,16 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, get_args
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.library.repertoire import Repertoire
 from choreograph.studio.desk import Desk
+from choreograph.studio.exports import EXPORTED
 from choreograph.studio.facts import character_facts
 from choreograph.studio.jobs import Job, Jobs
 from choreograph.studio.palette import Palette
-from choreograph.studio.project import ENGINES
+from choreograph.studio.project import ENGINES, EditKind
 from choreograph.studio.sentences import weight_choices
 from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
@@ -171,6 +172,8 @@ class Service:
             "choices": {
                 "engines": list(ENGINES), "genres": genres, "fronts": ["audience", "free"],
                 "weights": weight_choices(),
+                "edits": list(get_args(EditKind)),
+                "exports": list(EXPORTED),
             },
             "locks": [list(span) for span in project.locks],
             "can_undo": project.can_undo, "can_redo": project.can_redo,

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import writing
+from choreograph.studio.project import EditKind
 from choreograph.studio.project_file import checked_name
 from choreograph.studio.refusals import TooLargeError
 from choreograph.studio.safety import too_large
@@ -70,7 +71,7 @@ class ChooseBody(Revised):
 class EditBody(Revised):
     """One edit of the dance."""
 
-    kind: Literal["swap", "vary", "repeat", "pin_take", "pin_motif", "ban"]
+    kind: EditKind
     from_s: Seconds | None = Field(default=None, alias="from")
     to_s: Seconds | None = Field(default=None, alias="to")
     at: Seconds | None = None

@@ -6,7 +6,6 @@ from typing import Any, Literal
 
 from fastapi import APIRouter
 
-from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Step
 from choreograph.studio.ratings import SUFFIX, rate
 from choreograph.studio.refusals import NotFoundError
@@ -44,8 +43,8 @@ def router(service: Service) -> APIRouter:
     @made.get("/api/versions/{slot}/motion")
     def motion(slot: Slot) -> dict[str, Any]:
         """The motion of a version, as that of the dance."""
-        _, dance = service.jobs.do("version", lambda job: desk.version(slot))
-        return motion_data(dance.motion)
+        found: dict[str, Any] = service.jobs.do("version", lambda job: desk.motion_data(slot))
+        return found
 
     @made.post("/api/rating")
     def rating(body: RatingBody) -> dict[str, Any]:

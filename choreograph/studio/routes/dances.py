@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from choreograph.core.errors import ParameterError
-from choreograph.studio.facts import motion_data
 from choreograph.studio.refusals import ConflictError
 from choreograph.studio.routes.bodies import LocksBody, Revised, SettingsBody
 from choreograph.studio.service import Service
@@ -29,7 +28,7 @@ def router(service: Service) -> APIRouter:
         desk.current()
         if shown.dance is None or (revision is not None and revision != shown.project.revision):
             raise ConflictError(f"expected the newest revision {shown.project.revision}, got {revision}")
-        return {"revision": shown.project.revision, **motion_data(shown.dance.motion)}
+        return {"revision": shown.project.revision, **desk.motion_data()}
 
     @made.get("/api/mesh")
     def mesh() -> dict[str, Any]:

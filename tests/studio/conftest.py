@@ -1,0 +1,41 @@
+"""A studio in a folder of its own."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("fastapi")
+
+
+@pytest.fixture
+def folder(tmp_path, song):
+    """A folder with a song of clicks."""
+    shutil.copy(song, tmp_path / "clicks.wav")
+    return tmp_path
+
+
+@pytest.fixture
+def open_studio(repertoire):
+    """Opens a studio on a song, or none. It is closed at the end."""
+    from studio_client import Client
+
+    from choreograph.studio.start import start
+
+    opened = []
+
+    def open_one(song: Path | None, **options):
+        opened.append(start(song, repertoire, **options))
+        return Client(opened[-1])
+
+    yield open_one
+    for service in opened:
+        service.close()
+
+
+@pytest.fixture
+def client(open_studio, folder):
+    """A client of a studio with a dance."""
+    return open_studio(folder / "clicks.wav").ready()

@@ -1,0 +1,203 @@
+"""The desk: changes are local, saved before they are shown, and come back to the same bytes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from choreograph.choreography.edits import Repeat, Swap, Vary, slot_bounds_s
+from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.render.rendering import render
+from choreograph.studio.desk import Desk
+from choreograph.studio.project_file import ProjectFile
+from choreograph.studio.refusals import ConflictError, NotFoundError
+
+
+@pytest.fixture
+def open_desk(repertoire, folder):
+    opened = []
+
+    def open_one():
+        opened.append(Desk(folder, repertoire))
+        opened[-1].open(folder / "clicks.wav")
+        opened[-1].load(None, None)
+        return opened[-1]
+
+    yield open_one
+    for desk in opened:
+        desk.close()
+
+
+@pytest.fixture
+def desk(open_desk):
+    return open_desk()
+
+
+def motion_of(desk):
+    motion = desk.state.dance.motion
+    return np.concatenate([motion.root_pos_m[:, None], motion.local_quat[..., 1:]], axis=1)
+
+
+def is_same(a, b):
+    return a.tobytes() == b.tobytes()
+
+
+def test_the_first_dance_is_made_and_saved(desk, folder):
+    assert desk.project.revision == 1 and desk.file == folder / "clicks.studio.json"
+    assert desk.file.exists() and not desk.project.can_undo
+
+
+def test_an_edit_changes_its_span_and_two_beats_alone(desk):
+    before = motion_of(desk)
+    desk.edit(1, [Swap(4.0, 6.0)])
+    changed = np.flatnonzero((motion_of(desk) != before).any(axis=(1, 2))) / 60
+    beat_s = np.median(np.diff(slot_bounds_s(desk.state.dance.plan)))
+    assert 4.0 - 2.1 * beat_s <= changed.min() and changed.max() <= 6.0 + 2.1 * beat_s
+    [(start_s, end_s)] = desk.state.changed
+    assert start_s <= changed.min() + 0.05 and changed.max() - 0.05 <= end_s
+
+
+def test_a_chain_of_changes_comes_back_from_the_file_and_can_be_undone(desk, open_desk, repertoire):
+    shown = [motion_of(desk)]
+    for one in (Swap(2.0, 4.0), Vary(7.0, 9.0), Repeat(2.0, 4.0, 8.0, mirrored=True)):
+        desk.edit(desk.project.revision, [one], seed=1)
+        shown.append(motion_of(desk))
+    desk.dance_again(desk.project.revision, {"seed": 5})
+    shown.append(motion_of(desk))
+    desk.edit(desk.project.revision, [Swap(5.0, 6.0)])
+    shown.append(motion_of(desk))
+    desk.close()
+    again = open_desk()
+    assert is_same(motion_of(again), shown[-1])
+    plan = again.state.dance.plan
+    assert is_same(render(plan, repertoire).local_quat, again.state.dance.motion.local_quat)
+    for expected in shown[-2::-1]:
+        again.move(again.project.revision, back=True)
+        assert is_same(motion_of(again), expected)
+    for expected in shown[1:]:
+        again.move(again.project.revision, back=False)
+        assert is_same(motion_of(again), expected)
+
+
+def test_undo_without_motions_in_memory_renders_the_same(desk):
+    before = motion_of(desk)
+    desk.edit(1, [Swap(2.0, 4.0)])
+    after = motion_of(desk)
+    desk._motions = type(desk._motions)(0)
+    desk.move(2, back=True)
+    assert is_same(motion_of(desk), before)
+    desk.move(3, back=False)
+    assert is_same(motion_of(desk), after)
+
+
+def test_locked_parts_are_kept_when_the_dance_is_made_again(desk):
+    desk.lock(1, [(2.0, 6.0)])
+    before = motion_of(desk)
+    desk.dance_again(2, {"seed": 3})
+    same = (motion_of(desk) == before).all(axis=(1, 2))
+    assert same[121:359].all() and not same[400:].all()
+    desk.dance_again(3, {"seed": 4}, keep_locked=False)
+    assert not (motion_of(desk) == before)[121:359].all()
+
+
+def test_a_locked_part_is_not_edited(desk):
+    desk.lock(1, [(4.0, 6.0)])
+    before = motion_of(desk)
+    with pytest.raises(ParameterError, match="locked"):
+        desk.edit(2, [Swap(5.0, 8.0)])
+    assert is_same(motion_of(desk), before) and desk.project.revision == 2
+    desk.edit(2, [Swap(8.0, 10.0)])
+
+
+def test_a_span_is_made_again_with_a_setting_of_its_own(desk):
+    before = motion_of(desk)
+    desk.dance_again(1, {"seed": 7}, span=(4.0, 8.0))
+    same = (motion_of(desk) == before).all(axis=(1, 2))
+    assert same[:239].all() and same[481:].all() and not same.all()
+    assert desk.project.settings.seed == 0
+
+
+def test_an_old_revision_is_refused(desk):
+    desk.edit(1, [Swap(4.0, 6.0)])
+    for change in (
+        lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.dance_again(1, {}), lambda: desk.lock(1, []),
+        lambda: desk.move(1, back=True), lambda: desk.choose(1, "1-0"), lambda: desk.alternatives(1, (2, 4), 2),
+    ):  # fmt: skip
+        with pytest.raises(ConflictError):
+            change()
+    assert desk.project.revision == 2
+
+
+def test_what_cannot_be_written_is_not_shown(desk, monkeypatch):
+    before, state = desk.file.read_bytes(), desk.state
+
+    def full(file, project):
+        raise ChoreographError("cannot write: no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ProjectFile, "write", full)
+        for change in (lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.dance_again(1, {"seed": 1})):
+            with pytest.raises(ChoreographError, match="space"):
+                change()
+            assert desk.state is state and desk.file.read_bytes() == before
+    desk.edit(1, [Swap(4.0, 6.0)])
+    assert desk.project.revision == 2
+
+
+def test_alternatives_are_small_differ_and_one_is_chosen(desk):
+    found = desk.alternatives(1, (4.0, 6.0), 3)
+    assert 1 <= len(found) <= 3 and [one["cost"] for one in found] == sorted(one["cost"] for one in found)
+    assert all(one["facts"]["fps"] == 20 and one["why"] and len(one["motion"]) < 20_000 for one in found)
+    before = motion_of(desk)
+    desk.choose(1, found[-1]["id"])
+    assert not is_same(motion_of(desk), before)
+    assert desk.state.dance.plan.edits[-1].words[0].start_s == found[-1]["start_s"]
+    with pytest.raises(NotFoundError):
+        desk.choose(2, found[0]["id"])
+
+
+def test_a_ban_stays_when_the_dance_is_made_again(desk):
+    take = next(iter(desk.state.dance.plan.takes_s()))
+    from choreograph.choreography.constraints import Ban
+
+    desk.edit(1, [Ban(take=take)], bans=[f"take:{take}"])
+    desk.dance_again(2, {"seed": 1})
+    assert take not in desk.state.dance.plan.takes_s() and desk.project.settings.bans == (f"take:{take}",)
+
+
+def test_the_mixer_dances_with_weights_of_the_graph(desk):
+    desk.dance_again(1, {"weights": {"pace": 2.0}})
+    with pytest.raises(ChoreographError):
+        desk.dance_again(2, {"weights": {"nothing": 2.0}})
+    assert desk.project.revision == 2
+
+
+def test_versions_are_dances_of_their_own(desk):
+    desk.keep_version("A")
+    first = motion_of(desk)
+    desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
+    desk.keep_version("B")
+    step, dance = desk.version("A")
+    assert step.number == 1 and is_same(dance.motion.local_quat[..., 1:], first[:, 1:])
+    assert desk.facts("A")["edits"] == [] and len(desk.facts("B")["edits"]) == 1
+    with pytest.raises(NotFoundError):
+        desk.version("C")
+
+
+def test_a_project_of_another_song_is_refused(desk, folder, repertoire):
+    desk.close()
+    (folder / "other.wav").write_bytes((folder / "clicks.wav").read_bytes())
+    other = Desk(folder, repertoire)
+    with pytest.raises(ChoreographError, match=r"clicks\.wav"):
+        other.open(folder / "other.wav", folder / "clicks.studio.json")
+    with pytest.raises(ParameterError, match="beside its song"):
+        other.open(folder / "other.wav", folder.parent / "x.studio.json")
+
+
+def test_without_a_song_there_is_no_dance(repertoire, tmp_path):
+    desk = Desk(tmp_path, repertoire)
+    for ask in (desk.current, desk.song, lambda: desk.dance_again(0, {}), lambda: desk.lock(0, [])):
+        with pytest.raises(NotFoundError):
+            ask()
+    desk.change_settings(0, {"seed": 4})
+    assert desk.project.settings.seed == 4
