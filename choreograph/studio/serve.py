@@ -15,6 +15,7 @@ from choreograph.studio.safety import Access
 from choreograph.studio.service import Service
 
 _GRACE_S = 2  # for requests in progress, when it is stopped
+_BEFORE_BROWSER_S = 0.3  # in which the server begins to answer
 
 
 def serve(
@@ -30,16 +31,16 @@ def serve(
     With port 0, a free one is taken. Raises `ChoreographError` if the port is in use, and `ParameterError`
     for a host that this machine does not have.
     """
-    listening = _listening(host, port)
-    access = Access.of(host, listening.getsockname()[1])
-    config = uvicorn.Config(
-        make_app(service, access), log_level="warning", access_log=False, server_header=False,
-        timeout_graceful_shutdown=_GRACE_S, lifespan="off", proxy_headers=False,
-    )  # fmt: skip
-    ready(access.address)
-    if opened:
-        threading.Timer(0.3, webbrowser.open, [access.address]).start()
     try:
+        listening = _listening(host, port)
+        access = Access.of(host, listening.getsockname()[1])
+        config = uvicorn.Config(
+            make_app(service, access), log_level="warning", access_log=False, server_header=False,
+            timeout_graceful_shutdown=_GRACE_S, lifespan="off", proxy_headers=False,
+        )  # fmt: skip
+        ready(access.address)
+        if opened:
+            threading.Timer(_BEFORE_BROWSER_S, webbrowser.open, [access.address]).start()
         uvicorn.Server(config).run(sockets=[listening])
     finally:
         service.close()

@@ -1,4 +1,4 @@
-"""Jobs: one after another, with progress and results; they are cancelled, fail, and leave the next one alone."""
+"""Jobs run one after another, report progress, have results, are cancelled, and fail alone."""
 
 from __future__ import annotations
 

@@ -18,9 +18,9 @@ def test_names_of_this_machine_are_taken(host):
 @pytest.mark.parametrize(
     "host",
     [
-        "", "evil.com", "evil.com:8000", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8001", "127.0.0.1.evil.com:8000",
-        "localhost.evil.com:8000", "evil.com#127.0.0.1:8000", "192.168.1.5:8000", "0.0.0.0:8000", "127.0.0.1:8000:1",
-        "user@127.0.0.1:8000", "127.0.0.1:08000",
+        "", "evil.com", "evil.com:8000", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8001",
+        "127.0.0.1.evil.com:8000", "localhost.evil.com:8000", "evil.com#127.0.0.1:8000", "192.168.1.5:8000", "0.0.0.0:8000",
+        "127.0.0.1:8000:1", "user@127.0.0.1:8000", "127.0.0.1:08000",
     ],
 )  # fmt: skip
 def test_other_hosts_are_refused(host):

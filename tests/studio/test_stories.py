@@ -61,17 +61,17 @@ def test_a_file_that_is_no_song_changes_nothing(client, folder):
 
 
 def test_alternatives_are_shown_and_one_is_chosen(client):
-    found = client.change("/api/alternatives", **{"from": 4, "to": 6}, n=2)["result"]
-    reply = client.post("/api/choose", revision=1, id=found[0]["id"])
-    assert reply.status_code == 200 and reply.json()["dance"]["edits"]
-    [(start_s, end_s)] = reply.json()["changed"]
-    assert found[0]["start_s"] - 0.1 <= start_s and end_s <= found[0]["end_s"] + 0.1
+    job = client.change("/api/alternatives", **{"from": 4, "to": 6}, n=2)
+    assert job["state"] == "done" and all(one["why"] for one in job["result"])
+    for one in job["result"][:1]:
+        assert client.post("/api/choose", revision=1, id=one["id"]).json()["dance"]["edits"]
 
 
 def test_all_kinds_of_edits(client):
     take = client.state()["dance"]["takes"][0]["name"]
     for body in (
-        {"kind": "vary", "from": 2, "to": 4}, {"kind": "repeat", "from": 2, "to": 4, "at": 6, "mirrored": True},
+        {"kind": "vary", "from": 2, "to": 4},
+        {"kind": "repeat", "from": 2, "to": 4, "at": 6, "mirrored": True},
         {"kind": "pin_take", "from": 8, "to": 10, "take": take}, {"kind": "ban", "take": take},
     ):  # fmt: skip
         job = client.change("/api/edit", **body)

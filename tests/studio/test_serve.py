@@ -1,0 +1,130 @@
+"""The command: a real server, which is killed while it saves, and what it says if something is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from http.client import HTTPException
+from pathlib import Path
+from urllib.request import Request, urlopen
+
+import pytest
+from command_line import run
+
+from choreograph.studio.project import project_from_json
+from choreograph.studio.project_file import ProjectFile
+
+
+def ask(address, path, body=None):
+    data = None if body is None else json.dumps(body).encode()
+    with urlopen(Request(address + path, data, {"Content-Type": "application/json"})) as reply:
+        return json.loads(reply.read())
+
+
+def started(song, repertoire, *options):
+    command = [sys.executable, "-m", "choreograph", "studio", str(song), "--no-browser", "--db"]
+    process = subprocess.Popen([*command, str(repertoire.path), *options], stdout=subprocess.PIPE, text=True)
+    return process, process.stdout.readline().split()[-1].rstrip("/")
+
+
+@pytest.mark.slow
+def test_a_server_that_is_killed_while_it_saves_loses_no_saved_change(folder, repertoire):
+    song, path = folder / "clicks.wav", folder / "clicks.studio.json"
+    revision = 0
+    for wait_s in (0.0, 0.02, 0.1):
+        process, address = started(song, repertoire)
+        while ask(address, "/api/state")["dance"] is None:
+            time.sleep(0.05)
+        state = ask(address, "/api/state")
+        assert state["revision"] >= max(revision, 1)
+        seen = [state["revision"]]
+        thread = threading.Thread(target=_change_until_killed, args=(address, seen))
+        thread.start()
+        while seen[-1] < state["revision"] + 5:
+            time.sleep(0.005)
+        time.sleep(wait_s)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        thread.join()
+        revision = seen[-1]  # what the page has seen as saved
+        assert project_from_json(path.read_text(), "p").revision >= revision
+    left = [name for name in os.listdir(folder) if name.startswith(".") and not name.endswith(".lock")]
+    assert len(left) <= 1  # a temporary file of the last kill, which the next save removes
+    file = ProjectFile(path)
+    file.write(file.read())
+    file.close()
+    assert [name for name in os.listdir(folder) if name.startswith(".")] == []
+
+
+def _change_until_killed(address, seen):
+    """Lock and unlock a part until the server is gone, and note each revision that it has confirmed."""
+    locks = [[[1.0, 2.0]], [[1.0, 3.0]]]
+    try:
+        while True:
+            body = {"revision": seen[-1], "locks": locks[seen[-1] % 2]}
+            seen.append(ask(address, "/api/locks", body)["revision"])
+    except (OSError, ValueError, HTTPException):
+        return
+
+
+@pytest.mark.slow
+def test_the_command_serves_news_and_ends_when_it_is_interrupted(folder, repertoire):
+    process, address = started(folder / "clicks.wav", repertoire, "--port", "0")
+    stream = urlopen(address + "/api/events")
+    assert stream.headers["content-type"].startswith("text/event-stream")
+    news = []
+    while "state" not in (news[-1] if news else {}):
+        line = stream.readline().decode()
+        news += [json.loads(line.removeprefix("data: "))] if line.startswith("data: ") else []
+    assert news[-1]["state"] == 1 and any("job" in one for one in news)
+    second = subprocess.run(
+        [sys.executable, "-m", "choreograph", "studio", str(folder / "clicks.wav"), "--no-browser"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert second.returncode == 2 and "works on clicks.studio.json" in second.stderr
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=20) in (0, 130, -signal.SIGINT)
+    assert not list(folder.glob(".*lock"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["missing.mp3"], "missing.mp3"), (["--project", "missing.json"], "missing.json"),
+        (["--port", "99999"], "99999"), (["a.wav", "--project", "other/b.json"], "beside its song"),
+        (["--character", "missing.glb"], "missing.glb"), (["--db", "missing.h5"], "missing.h5"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_in_one_line(arguments, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.wav").write_bytes(b"x")
+    result = run("studio", "--no-browser", *arguments)
+    assert result.exit_code == 2 and said in result.output
+    assert len(result.output.strip().splitlines()[-1]) < 300
+
+
+def test_without_the_extra_the_cure_is_said_in_one_line(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for name in [name for name in sys.modules if name.startswith("choreograph.studio.serve")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    result = run("studio", "--no-browser")
+    assert result.exit_code == 2 and "choreograph[studio]" in result.output
+    assert len(result.output.strip().splitlines()) == 1
+
+
+def test_a_port_in_use_is_said_in_one_line(tmp_path, monkeypatch):
+    import socket
+
+    monkeypatch.chdir(tmp_path)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        result = run("studio", "--no-browser", "--port", str(taken.getsockname()[1]))
+    assert result.exit_code == 2 and "--port" in result.output
+    assert Path("clicks.studio.json").exists() is False
