@@ -22,7 +22,8 @@ def test_the_page_and_what_it_shares_are_served(client, path, kind):
     "path",
     [
         "/nothing", "/page/", "/page/nothing.js", "/page/../page.py", "/page/%2e%2e/page.py",
-        "/studio/../app.py", "/page//etc/passwd", "/studio/%2Fetc%2Fpasswd", "/page/three", "/docs", "/redoc", "/openapi.json",
+        "/studio/../app.py", "/page//etc/passwd", "/studio/%2Fetc%2Fpasswd", "/page/three", "/docs",
+        "/redoc", "/openapi.json",
         "/api/export/..%2F..%2Fetc%2Fpasswd", "/api/jobs/none", "/api/versions/A/facts",
     ],
 )  # fmt: skip
