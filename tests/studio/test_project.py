@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import jsonschema
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -72,6 +74,12 @@ def test_json_keeps_everything(plans):
     assert read == project and read.to_json() == project.to_json()
     assert read.locks == ((0.0, 2.5),)
     assert [step.plan() for step in read.steps.values()] == plans
+
+
+def test_the_file_has_the_layout_that_is_described(plans):
+    schema = json.loads((Path(__file__).parents[2] / "data_schema" / "studio.schema.json").read_text())
+    for project in (Project("a.wav"), with_steps(plans).with_version("A").with_locks([(1.0, 2.0)], 9.0)):
+        jsonschema.validate(json.loads(project.to_json()), schema)
 
 
 def test_a_step_with_edits_is_short(plans):
