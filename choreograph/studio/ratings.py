@@ -32,7 +32,7 @@ def rate(folder: Path, song: str, names: tuple[str, str], better: int | None) ->
     folder.mkdir(exist_ok=True)
     key, rating = _key(folder / KEY_NAME), _rating(folder / _RATING_NAME)
     number = len(key["pairs"])
-    ids = [f"d{2 * number + 1}", f"d{2 * number + 2}"]
+    ids = [str(2 * number + 1), str(2 * number + 2)]
     called = names if names[0] != names[1] else (f"{names[0]} (A)", f"{names[1]} (B)")
     key["dances"] += [
         {"dance": id, "variant": name, "song": song, "number": number, "start_s": 0.0}

@@ -118,7 +118,7 @@ class Guard:
             return
         most = self.most_bytes.get(scope["path"], MOST_JSON_BYTES)
         length = headers.get("content-length", "0")
-        if not length.isdecimal() or int(length) > most:
+        if "transfer-encoding" in headers or not length.isdecimal() or int(length) > most:
             await _reply(send, TooLargeError.status, {"error": too_large(most)})
             return
         cookie = None
