@@ -22,8 +22,11 @@ WIDE, PHONE = (1280, 800), (390, 844)
 
 
 def until(page, condition: str) -> None:
-    """Wait for a condition on the page."""
-    browsers.until(page, condition, timeout_s=PATIENCE_S)
+    """Wait for a condition on the page. What the page says is in the message of a failure."""
+    try:
+        browsers.until(page, condition, timeout_s=PATIENCE_S)
+    except AssertionError as error:
+        raise AssertionError(f"{error}; the page says {page.inner_text('#status')!r}") from None
 
 
 @contextmanager
