@@ -39,7 +39,7 @@ TAKES = ("walk", "house-01", "house-07", "salsa-01", "swing-01")
 BUILD = "choreograph build-db takes/ -o library.h5 --preset tiny"
 # `% not run: it needs Blender` above a block says why it is not run here.
 BLOCK = re.compile(r"(?:^% not run: (\S.*)\n)?^```(\w+)\n(.*?)^```", flags=re.S | re.M)
-NOT_RUN = {"how-to/study.md": 1, "how-to/stream.md": 1}  # blocks
+NOT_RUN = {"how-to/studio.md": 1, "how-to/study.md": 1, "how-to/stream.md": 1}  # blocks
 LINK = re.compile(r"\]\(([^)\s#:]*)(?:#([^)\s]+))?\)")
 
 
