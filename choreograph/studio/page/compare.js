@@ -20,6 +20,7 @@ export class Compare {
     on("show-current", () => this.show(null));
     on("better-same", () => this.rate("same"));
     store.addEventListener("state", ({ detail }) => this.#showButtons(detail.before));
+    this.#showButtons();
   }
 
   get ready() { return Boolean(this.store.state?.versions.A && this.store.state?.versions.B); }

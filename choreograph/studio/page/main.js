@@ -55,6 +55,7 @@ class Studio {
     this.lanes = null; // made with the first dance
     this.dance = null; // the one shown
     this.song = null;
+    this.shown = Promise.resolve(); // once the newest state is shown
     new Drop({
       song: (file) => this.openSong(file),
       character: (file) => { this.tabs.open("character"); this.character.send(file); },
@@ -104,22 +105,30 @@ class Studio {
     });
   }
 
-  // Show the newest state. Only the latest of several is waited for.
+  // Show the newest state, after what is being shown already.
   #show() {
     const { state } = this.store;
     this.#showHeading(state);
     if (!state.dance) return null;
-    const content = contentOf(state);
-    if (this.content === content) { // such as after a lock
-      this.lanes.redraw();
-      $("stage").dataset.revision = state.revision;
-      this.store.tellShown();
-      return null;
-    }
-    this.content = content;
-    const songChanged = this.song !== `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
-    this.shown = this.#showDance(state, songChanged);
+    this.shown = this.shown.catch(() => {}).then(() => this.#showNewest());
     return this.shown;
+  }
+
+  async #showNewest() {
+    const { state } = this.store, content = contentOf(state);
+    const isNew = this.content !== content; // not after a lock, for example
+    this.content = content;
+    try {
+      if (isNew) await this.#showDance(state);
+    } catch (error) {
+      this.content = null;
+      if (error.status !== 409) throw error;
+      await this.store.refresh(); // the dance has changed since
+      return;
+    }
+    this.lanes.redraw();
+    $("stage").dataset.revision = state.revision;
+    this.store.tellShown();
   }
 
   #showHeading({ song, dance, project, can_undo, can_redo }) {
@@ -131,10 +140,10 @@ class Studio {
     $("redo").disabled = !can_redo;
   }
 
-  async #showDance(state, songChanged) {
-    const { dance } = state;
-    if (songChanged) {
-      this.song = `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
+  async #showDance(state) {
+    const { dance } = state, song = `${state.project.file} ${state.song.name} ${state.song.duration_s}`;
+    if (song !== this.song) {
+      this.song = song;
       const { levels, levels_per_s: perS } = await get("song/waveform");
       this.levels = await decompressLevels(levels);
       this.levelsPerS = perS;
@@ -154,8 +163,6 @@ class Studio {
     if (!this.controls) this.controls = new Controls(this.player, this.view.camera, this.lanes, () => this.view.wake());
     this.floor.show(this.view.path());
     this.recolour();
-    $("stage").dataset.revision = state.revision;
-    this.store.tellShown();
     const unmet = dance.unmet ?? [];
     if (unmet.length && unmet.join() !== this.unmet) say(unmet.join(" "), { error: true });
     this.unmet = unmet.join();
@@ -172,7 +179,6 @@ class Studio {
     new SpanTools(store, selection, actions, player);
     new ResizeObserver(() => lanes.redraw()).observe($("timeline"));
     this.player.addEventListener("soundlost", () => say("This browser cannot play the song. The dance continues without sound.", { error: true }));
-    store.dispatchEvent(new CustomEvent("state", { detail: { before: null } }));
   }
 
   recolour() {
