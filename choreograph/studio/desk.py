@@ -1,6 +1,6 @@
 """The desk of the studio: a song, a repertoire and the project, and everything that changes the dance.
 
-It knows nothing of HTTP. What changes the dance runs in one thread, one after another. A change is first
+It has no part in HTTP. What changes the dance runs in one thread, one after another. A change is first
 written to the file of the project, and is then the newest state. If it cannot be written, nothing changes.
 """
 

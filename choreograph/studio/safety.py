@@ -24,10 +24,13 @@ COOKIE = "choreograph-studio"
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 MOST_JSON_BYTES = 1 << 20  # of a request whose body is not a file
 _UNSAFE = {"POST", "PUT", "DELETE", "PATCH"}
-_POLICY = (
-    "default-src 'self'; media-src 'self' blob:; img-src 'self' blob: data:; connect-src 'self' blob:; "
-    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'none'"
-)
+_POLICY = "; ".join(
+    [
+        "default-src 'self'", "media-src 'self' blob:", "img-src 'self' blob: data:",
+        "connect-src 'self' blob:", "object-src 'none'", "base-uri 'none'", "form-action 'self'",
+        "frame-ancestors 'none'",
+    ]
+)  # fmt: skip
 HEADERS = {
     "Content-Security-Policy": _POLICY,
     "X-Content-Type-Options": "nosniff",
@@ -123,7 +126,7 @@ class Guard:
             return
         cookie = None
         if token is not None and scope["path"] == "/":
-            cookie = f"{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"
+            cookie = "; ".join([f"{COOKIE}={token}", "HttpOnly", "SameSite=Strict", "Path=/"])
         await self.app(scope, receive, _with_headers(send, cookie))
 
     def _check(self, scope: Scope, headers: Mapping[str, str]) -> str | None:

@@ -77,11 +77,14 @@ def test_the_command_serves_news_and_ends_when_it_is_interrupted(folder, reperto
     process, address = started(folder / "clicks.wav", repertoire, "--port", "0")
     stream = urlopen(address + "/api/events")
     assert stream.headers["content-type"].startswith("text/event-stream")
-    news = []
-    while "state" not in (news[-1] if news else {}):
+    while ask(address, "/api/state")["dance"] is None:
+        time.sleep(0.05)
+    ask(address, "/api/locks", {"revision": 1, "locks": [[1.0, 2.0]]})
+    news: list[dict] = []
+    while not any(one.get("state") == 2 for one in news):
         line = stream.readline().decode()
         news += [json.loads(line.removeprefix("data: "))] if line.startswith("data: ") else []
-    assert news[-1]["state"] == 1 and any("job" in one for one in news)
+    assert any("job" in one for one in news)
     second = subprocess.run(
         [sys.executable, "-m", "choreograph", "studio", str(folder / "clicks.wav"), "--no-browser"],
         capture_output=True, text=True, check=False,
