@@ -74,7 +74,7 @@ def test_the_options_to_repeat_are_few():
         ("dance", "--repeat"), ("dance", "--set"), ("dance", "--weight"),
         ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
         ("study write", "--only"), ("study write", "--variants"), ("dance", "--db"), ("evaluate", "--db"),
-        ("study write", "--db"),
+        ("study write", "--db"), ("studio", "--db"),
     }  # fmt: skip
 
 
