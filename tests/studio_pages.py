@@ -17,7 +17,7 @@ from choreograph.studio.safety import Access
 from choreograph.studio.serve import _listening
 from choreograph.studio.start import start
 
-PATIENCE_S = 240  # work may take long where many tests run beside it
+PATIENCE_S = 300  # work may take long where many tests run beside it
 WIDE, PHONE = (1280, 800), (390, 844)
 
 
