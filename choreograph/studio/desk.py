@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.choreography.constraints import Keep, parse_ban
-from choreograph.choreography.edits import EditRequest
+from choreograph.choreography.edits import EditRequest, edit_slots
+from choreograph.choreography.pieces import PieceRequest
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.errors import FormatError, NoPathError, ParameterError
 from choreograph.core.numerics import Memory, RecentItems, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.library.repertoire import Repertoire
@@ -24,7 +25,7 @@ from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.alternatives import alternatives
 from choreograph.pipeline.dancing import Dance, dance_with
-from choreograph.pipeline.editing import edit
+from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
@@ -418,15 +419,39 @@ class Desk:
         Raises `NotFoundError` if there is none of this id, and as `edit`.
         """
         self.check(revision)
-        _, dance = self.current()
+        self.current()
         offer = self._offers.get(id)
         if offer is None or offer.revision != revision:
             raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
-        self._check_locks([offer.edit])
-        plan = replace(dance.plan, edits=(*dance.plan.edits, offer.edit))
-        motion = with_edit(dance.motion, plan, offer.edit, take_motions(self.state.repertoire))
+        self._make(offer.edit, f"{offer.edit.request}: {offer.why}")
+
+    @default_numerics()
+    @one_thread()
+    def pin_part(self, revision: int, span: Span, take: str, source_s: float) -> None:
+        """Dance a take in a span, from the count that is nearest to a time of the take on.
+
+        Raises `ConflictError` for an old revision, `RepertoireError` for an unknown take, `NoPathError` if
+        the take cannot be danced there, and as `edit`.
+        """
+        self.check(revision)
+        _, dance = self.current()
+        repertoire = self.state.repertoire
+        editor = Editor(dance, repertoire, (), 0)
+        wanted = PieceRequest((repertoire.take_index(take),), pinned=True)
+        slots, found = editor.pieces(edit_slots(*span, editor.bounds_s), wanted)
+        if not found:
+            raise NoPathError(f"{take} cannot be danced there on counts, at half to twice its speed")
+        best = min(found, key=lambda piece: abs(piece.words[slots.before].source_start_s - source_s))
+        request = f"pin {span[0]:g}-{span[1]:g}=take:{take}"
+        self._make(planned_edit(best, request), request)
+
+    def _make(self, one: PlannedEdit, request: str) -> None:
+        self._check_locks([one])
+        _, dance = self.current()
+        plan = replace(dance.plan, edits=(*dance.plan.edits, one))
+        motion = with_edit(dance.motion, plan, one, take_motions(self.state.repertoire))
         made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path)
-        self._with_dance(f"{offer.edit.request}: {offer.why}", made, self.project.settings, edited=True)
+        self._with_dance(request, made, self.project.settings, edited=True)
 
     def move(self, revision: int, *, back: bool) -> None:
         """Undo a step, or redo one that was undone. Raises `ParameterError` if there is none."""

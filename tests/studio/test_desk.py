@@ -163,6 +163,18 @@ def test_alternatives_are_small_differ_and_one_is_chosen(folder):
     desk.close()
 
 
+def test_a_part_of_a_take_is_pinned_from_the_nearest_count(desk, repertoire):
+    take = repertoire.takes[0]
+    for source_s in (3.0, 6.0):
+        desk.pin_part(desk.project.revision, (5.0, 7.0), take.name, source_s)
+        words = desk.state.dance.plan.edits[-1].words
+        begun = next(word for word in words if word.start_s >= 5.0 - 0.3 and word is not words[0])
+        assert {word.take for word in words} == {take.name}
+        assert abs(begun.source_start_s - source_s) < 1.0
+    with pytest.raises(ChoreographError):
+        desk.pin_part(desk.project.revision, (5.0, 7.0), "none", 3.0)
+
+
 def test_a_ban_stays_when_the_dance_is_made_again(desk):
     take = next(iter(desk.state.dance.plan.takes_s()))
     from choreograph.choreography.constraints import Ban

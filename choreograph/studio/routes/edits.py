@@ -23,6 +23,10 @@ def router(service: Service) -> APIRouter:
         desk.check(body.revision)
         request = edit_request(body)
         bans = [str(request)] if body.kind == "ban" else []
+        if isinstance(request, TakePin) and body.source_s is not None:
+            span, take, source_s = (request.start_s, request.end_s), request.take, body.source_s
+            job = service.change(body.kind, lambda job: desk.pin_part(body.revision, span, take, source_s))
+            return {"job": job.id}
         job = service.change(
             body.kind, lambda job: desk.edit(body.revision, [request], body.seed, job.report, bans=bans)
         )
