@@ -15,7 +15,8 @@ from bpy.props import (
 from .program import Request
 
 BUILT_IN_GENRES = (
-    "cha-cha", "contemporary", "disco", "hip-hop", "house", "salsa", "swing", "waltz"
+    "Charleston", "Viennese waltz", "cha-cha", "contemporary", "disco", "funk", "hip-hop", "house", "jive",
+    "pop", "rumba", "salsa", "swing", "tango", "waltz",
 )  # fmt: skip
 
 

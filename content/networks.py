@@ -34,7 +34,7 @@ from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
-from choreograph.music.synthesis.song import STYLES, TempoMap
+from choreograph.music.synthesis.song import TempoMap
 from choreograph.nets.count_phases import MotionCountsNet
 from choreograph.nets.motion_counts import (
     POINTER,
@@ -47,6 +47,7 @@ from choreograph.nets.training import TrainingContext
 from content.motion_counting import CountedMotion, fit_confidence, train_motion_counts
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
+from content.songs.danced_styles import DANCED
 from content.style_networks import built_in_style_takes, style_takes, train_shipped_style
 
 TAKES_PER_GENRE = 40
@@ -75,7 +76,7 @@ def built_in_takes(
 
 def _built_in_take(genre: str, seed: int) -> CountedMotion:
     rng = np.random.default_rng(seed)
-    low, high = STYLES[genre].bpm
+    low, high = DANCED[genre].bpm
     metre = GENRES[genre].bar
     bpm = float(rng.uniform((1 - _BEYOND_BPM) * low, (1 + _BEYOND_BPM) * high))
     n_beats = int(_DURATION_S * bpm / 60)

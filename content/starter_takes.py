@@ -21,13 +21,23 @@ from choreograph.core.files import atomic_path
 from choreograph.core.progress import ProgressReport
 from choreograph.formats.register import save_motion
 from choreograph.formats.tables import SUFFIX, write_counts
-from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song, write_song
+from choreograph.music.synthesis.song import SyntheticSong, render_song, write_song
 from content.moves.genres import GENRES
 from content.moves.sequencer import RenderedTake, render_take
+from content.moves.stylings import Part, Way, finish, pause, ready, styled
+from content.songs.danced_styles import DANCED
 
-TAKES_PER_GENRE = 16  # short ones, so that a dance of three minutes can stay in its genre and still vary
-DURATION_S = 20.0
-FPS = 30.0  # as stored, playback interpolates
+DURATION_S = 17.5
+SHORT_S = 10.0  # of takes that begin, end or pause
+WAYS = (
+    Way("hers"), Way("his", 1.1, 0.2), Way("hers", 0.9, -0.3), Way("his"), Way("hers", 1.1, 0.3),
+    Way("his", 0.85, -0.2),
+)  # fmt: skip
+PARTS_OF_GENRE: tuple[Part, ...] = (
+    *("whole",) * 12, "beginning", "beginning", "ending", "ending", "break", "break",
+)  # fmt: skip
+TAKES_PER_GENRE = len(PARTS_OF_GENRE)  # short ones: a dance of three minutes stays in its genre and varies
+FPS = 25.0  # as stored, playback interpolates
 CREDITS = {"performer": "choreograph", "licence": "CC0-1.0", "source": "choreograph starter"}
 _MANIFEST = ("name", "genre", "performer", "licence", "source")
 
@@ -41,22 +51,36 @@ class TakeSpec:
     bpm: float
     seed: int  # of song and dance, below `benchmark_songs.FIRST_SEED`
     duration_s: float = DURATION_S
+    way: Way = WAYS[0]
+    part: Part = "whole"
 
 
 def take_specs() -> Iterator[TakeSpec]:
     """The specs of all takes: for each genre, tempi spread evenly over the range of its songs."""
     for number, genre in enumerate(sorted(GENRES)):
-        low, high = STYLES[genre].bpm
-        for i, bpm in enumerate(np.linspace(low, high, TAKES_PER_GENRE)):
-            yield TakeSpec(f"{genre}-{i + 1:02d}", genre, round(float(bpm), 1), 100 * number + i)
+        low, high = DANCED[genre].bpm
+        n_whole = PARTS_OF_GENRE.count("whole")
+        for i, part in enumerate(PARTS_OF_GENRE):
+            share = (i + 0.5) / n_whole if part == "whole" else ((i * 7) % n_whole + 0.5) / n_whole
+            bpm = round(float(low + share * (high - low)), 1)
+            length_s = DURATION_S if part == "whole" else SHORT_S
+            yield TakeSpec(
+                f"{genre.replace(' ', '-').lower()}-{i + 1:02d}", genre, bpm, 60 * number + i, length_s,
+                WAYS[i % len(WAYS)], part,
+            )  # fmt: skip
 
 
 def render_spec(spec: TakeSpec) -> tuple[SyntheticSong, RenderedTake]:
     """Render a take: its song, and the dance from the song's first sample on."""
-    song = render_song(spec.genre, bpm=spec.bpm, duration_s=spec.duration_s, seed=spec.seed)
+    song = render_song(DANCED[spec.genre], bpm=spec.bpm, duration_s=spec.duration_s, seed=spec.seed)
+    genre = styled(GENRES[spec.genre], spec.way)
+    energy = np.clip(beat_energies(song) + spec.way.energy, 0.0, 1.0)
     dance = render_take(
-        GENRES[spec.genre], song.beat_times_s, energy=beat_energies(song), seed=spec.seed, fps=FPS
-    )
+        genre, song.beat_times_s, energy=energy, seed=spec.seed, fps=FPS,
+        first=ready(genre) if spec.part == "beginning" else None,
+        middle=pause(genre) if spec.part == "break" else None,
+        last=finish(genre) if spec.part == "ending" else None,
+    )  # fmt: skip
     return song, dance
 
 

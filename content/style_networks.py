@@ -32,7 +32,7 @@ from content.starter_takes import take_specs, write_takes
 
 SONGS_PER_GENRE = 24
 FIRST_SONG_SEED = 80_000  # beyond the seeds of every other song
-STEPS = 1200
+STEPS = 1800
 _SONG_S = 30.0
 
 

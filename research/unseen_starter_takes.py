@@ -13,8 +13,8 @@ import argparse
 import json
 from pathlib import Path
 
-from choreograph.music.synthesis.song import STYLES
 from content.moves.genres import GENRES
+from content.songs.danced_styles import DANCED
 from content.songs.known_songs import FIRST_SEED
 from content.starter_takes import TakeSpec, write_takes
 
@@ -27,7 +27,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     plans = [
-        TakeSpec(f"unseen-{genre}", genre, round(sum(STYLES[genre].bpm) / 2), _SEEDS_FROM + i, _DURATION_S)
+        TakeSpec(f"unseen-{genre}", genre, round(sum(DANCED[genre].bpm) / 2), _SEEDS_FROM + i, _DURATION_S)
         for i, genre in enumerate(sorted(GENRES))
     ]
     write_takes(folder, plans)

@@ -76,7 +76,7 @@ def movement(repertoire: Repertoire) -> tuple[Cell, ...]:
     --------
     >>> cells = cg.movement(cg.starter_repertoire())
     >>> sorted({cell.genre for cell in cells})[:3]
-    ['cha-cha', 'contemporary', 'disco']
+    ['Charleston', 'Viennese waltz', 'cha-cha']
     >>> len([cell for cell in cells if cell.genre == "waltz"])
     44
     """

@@ -259,7 +259,7 @@ def load_motion(path: str | Path, *, bone_map: Mapping[str, str] | None = None) 
     >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=4.0)
     >>> cg.save_motion("steps.bvh", motion)
     >>> cg.load_motion("steps.bvh")
-    <Motion: 122 frames at 30 fps (4.1 s), 24 joints>
+    <Motion: 102 frames at 25 fps (4.1 s), 24 joints>
     """
     return read_take(path, bone_map=bone_map).motion
 

@@ -20,7 +20,7 @@ SONGS_PATH = Path(__file__).parent / "shipped" / "songs"
 
 
 def starter_repertoire() -> Repertoire:
-    """Open the built-in repertoire: synthetic takes in eight genres with their networks and motifs.
+    """Open the built-in repertoire: synthetic takes in fifteen genres with their networks and motifs.
 
     Raises
     ------
@@ -30,7 +30,7 @@ def starter_repertoire() -> Repertoire:
     --------
     >>> repertoire = cg.starter_repertoire()
     >>> repertoire
-    <Repertoire starter.h5: 128 takes, 44.6 min, 1,721 clips, genres: cha-cha, ...>
+    <Repertoire starter.h5: 270 takes, 71.3 min, 2,255 clips, genres: Charleston, ...>
     """
     return Repertoire(RepertoireFile(STARTER_PATH))
 

@@ -51,7 +51,7 @@ class Repertoire:
     ('cha-cha-01', 'cha-cha', 4)
     >>> motion, first_s = repertoire.motion(0, start_s=2, stop_s=4)
     >>> motion.root_pos_m.shape, first_s
-    ((62, 3), 2.0)
+    ((52, 3), 2.0)
     """
 
     def __init__(self, file: AnyFile) -> None:

@@ -228,9 +228,9 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     Examples
     --------
     >>> repertoire = cg.starter_repertoire()
-    >>> motifs = cg.motifs_of(repertoire.takes[0].name, repertoire)
+    >>> motifs = cg.motifs_of("house-03", repertoire)
     >>> dance = cg.dance(cg.example_songs()["house"], motifs=motifs, duration_s=8)
-    >>> dance.plan.engine, dance.plan.words[1].motif == motifs[0]  # after one word before the first count
+    >>> dance.plan.engine, dance.plan.words[0].motif == motifs[0]
     ('mixer', True)
     """
     repertoire = as_repertoire(repertoire)

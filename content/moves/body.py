@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
@@ -12,7 +14,9 @@ from choreograph.motion.kinematics import two_bone
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from content.moves.arm_poses import shoulder_quat
-from content.moves.curves import Tempo, evaluate, smooth_noise, spring_follow, spring_lag_s
+from content.moves.carriage import Carriage, carry, support_of
+from content.moves.clearance import clear_trunk
+from content.moves.curves import Tempo, ease, evaluate, smooth_noise, spring_follow, spring_lag_s
 from content.moves.feet import FootPath, foot_path
 from content.moves.keyframes import MoveKeyframes
 from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
@@ -20,33 +24,48 @@ from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
 _SKELETON = canonical_skeleton()
 _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}
 _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("left_knee", "left_ankle")))
-_REACH = 0.978  # of a leg's length: knees stay slightly bent
-_STANDING_M = float(_SKELETON.offsets_m[0][1]) - 0.02  # pelvis over the floor, knees slightly bent
+_REACH = 0.998  # of a leg's length: nearer to straight, a leg does not quite reach its foot
+_STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
-_SETTLE_S = 0.16  # over this time the pelvis is lowered into the reach of the legs
+_SETTLE_S = 0.05  # over this time the pelvis is lowered into the reach of the legs
+_HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 21.0, 2.5)), 0.05
+_FLAT_RAD = 1e-3  # a foot that turns less is flat
+_FLAT_S = 0.3  # after a foot has landed
+_HEEL_DOWN_S = 0.2  # after a foot has left
+_BENT_RAD = 0.07  # of thigh and shin, from which a leg is bent or stretched
 _BODY_HZ, _ARM_HZ, _DAMPING = 5.0, 4.0, 0.72  # springs of the follow-through of spine and arms
-_LEAN_RAD = 0.06  # the trunk leans slightly forward over bent knees
 # Joint, share of bend, side and twist, share of the arch (lower spine forward, upper back), lag in s.
 _SPINE = (("spine1", 0.38, -0.36, -0.015), ("spine2", 0.34, 0.06, 0.0), ("spine3", 0.28, 0.6, 0.02))
 
 
 def animate(
-    keys: MoveKeyframes, tempo: Tempo, duration_s: float, fps: float, rng: np.random.Generator | None
+    keys: MoveKeyframes,
+    tempo: Tempo,
+    duration_s: float,
+    fps: float,
+    rng: np.random.Generator | None,
+    carriage: Carriage,
 ) -> tuple[Motion, dict[Side, FootPath]]:
     """The motion of keyframes over `duration_s` from the song's start, and the paths of its feet.
 
-    With `rng`, idle motion (breath, sway, hands) is added.
+    With `rng`, idle motion (breath, looks, hands) is added.
     """
     times = frame_times_s(max(2, round(duration_s * fps)), fps)  # (T,)
     feet = {side: foot_path(keys.plants[side], tempo, times) for side in SIDES}
     ch = _channels(keys, tempo, times, fps, rng)
     facing = evaluate(keys.facing, tempo.counts(times))[:, 0]
+    spot = evaluate(keys.ground, tempo.counts(times - _LAG_S["ground"]))  # (T, 2)
+    spot = gaussian_filter1d(spot, _GLIDE_S * fps, axis=0, mode="nearest")
+    load = evaluate(keys.load, tempo.counts(times))[:, 0]
+    balls_m = np.stack([feet[side].ball_m for side in SIDES])
+    carry(ch, support_of(load, balls_m, spot, facing, fps), carriage, fps, rng)
     root_quat = _pelvis_quat(facing, ch)
-    root = _pelvis_pos(keys, feet, facing, root_quat, ch, tempo, times, fps)
+    root = _pelvis_pos(spot, feet, facing, root_quat, load, ch, carriage, fps)
     local = np.tile(rot.IDENTITY, (len(times), _SKELETON.n_joints, 1))  # (T, J, 4)
     local[:, 0] = root_quat
     _spine_and_head(local, ch, fps)
     _arms(local, ch, fps)
+    clear_trunk(local, root, fps)
     for side in SIDES:
         _leg(local, root, side, feet[side])
     return Motion(_SKELETON, root, rot.make_continuous(local), fps), feet
@@ -85,26 +104,16 @@ _LAG_S = {
 }
 
 # Standard deviations of the idle motion, metres and radians.
-_IDLE_AMOUNT = {
-    "hip_side": 0.003, "hip_fwd": 0.004, "twist": 0.018, "bend": 0.014, "side": 0.010, "look": 0.05,
-    "nod": 0.025, "tilt": 0.018,
-}  # fmt: skip
-_IDLE_ARM_RAD = 0.025
+_IDLE_AMOUNT = {"hip_side": 0.004, "hip_fwd": 0.005, "twist": 0.018, "bend": 0.014, "side": 0.010}
 
 
 def _add_idle_motion(ch: dict[str, Floats], times: Floats, rng: np.random.Generator) -> None:
-    """Add sway, breath and small movements of the arms."""
+    """Add sway and breath."""
     breath = np.sin(2 * np.pi * times / 3.7 + rng.uniform(0.0, 2 * np.pi))
     for name, amount in _IDLE_AMOUNT.items():
-        ch[name] = ch[name] + amount * _idle_noise(times, rng)
-    for name in ARM_CHANNELS:
-        ch[name] = ch[name] + _IDLE_ARM_RAD * np.stack([_idle_noise(times, rng) for _ in range(6)], axis=-1)
+        ch[name] = ch[name] + amount * smooth_noise(times, rng, slow_s=9.0, fast_s=2.2)
     for name, amount in (("arch", 0.012), ("left_shrug", 0.015), ("right_shrug", 0.015)):
         ch[name] = ch[name] + amount * breath
-
-
-def _idle_noise(times: Floats, rng: np.random.Generator) -> Floats:
-    return smooth_noise(times, rng, slow_s=9.0, fast_s=2.2)
 
 
 def _euler(x: Floats, y: Floats, z: Floats) -> Floats:
@@ -117,33 +126,61 @@ def _pelvis_quat(facing: Floats, ch: dict[str, Floats]) -> Floats:
 
 
 def _pelvis_pos(
-    keys: MoveKeyframes, feet: dict[Side, FootPath], facing: Floats, root_quat: Floats, ch: dict[str, Floats],
-    tempo: Tempo, times: Floats, fps: float,
+    spot: Floats, feet: dict[Side, FootPath], facing: Floats, root_quat: Floats, load: Floats,
+    ch: dict[str, Floats], carriage: Carriage, fps: float,
 ) -> Floats:  # fmt: skip
-    """(T, 3): over the feet by their share of the weight, as high as bounce, pliés and leg reach allow."""
-    spot = evaluate(keys.ground, tempo.counts(times - _LAG_S["ground"]))  # (T, 2)
-    spot = gaussian_filter1d(spot, _GLIDE_S * fps, axis=0, mode="nearest")
+    """(T, 3): over the feet by their share of the weight, as high as bounce, pliés and leg reach allow.
+
+    The heel of a foot that the weight leaves is raised in `feet` before the pelvis sinks.
+    """
     sway = np.stack([ch["hip_side"], np.zeros_like(facing), ch["hip_fwd"]], axis=-1)
     pos = rot.rotate(rot.about_y(facing), sway)
     pos[:, [0, 2]] += spot
     pos[:, 1] = 0.0
-    limit = np.min([_highest(pos, root_quat, side, feet[side]) for side in SIDES], axis=0)
+    wanted = _STANDING_M - carriage.stoop_m - ch["bob"] - ch["drop"]
+    highest = [_highest(pos, root_quat, side, feet[side], carriage.reach) for side in SIDES]
+    for side, carried, of_other in zip(SIDES, (load, 1.0 - load), highest[::-1], strict=True):
+        over = pos + np.array([0.0, 1.0, 0.0]) * np.minimum(wanted, of_other)[:, None]
+        feet[side] = _heel_raised(over, root_quat, side, feet[side], carried, carriage.reach, fps)
+    limit = np.min(
+        [_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0
+    )
+    at_most = np.min([_highest(pos, root_quat, side, feet[side], _REACH) for side in SIDES], axis=0)
     width = max(1, round(_SETTLE_S * fps))
     limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
-    wanted = _STANDING_M - ch["bob"] - ch["drop"]
-    pos[:, 1] = _soft_min(wanted, limit)
+    pos[:, 1] = np.minimum(_soft_min(wanted, limit), at_most)
     return pos
 
 
-def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath) -> Floats:
+def _heel_raised(
+    wanted: Floats, root_quat: Floats, side: str, foot: FootPath, carried: Floats, reach: float, fps: float
+) -> FootPath:
+    """The foot on its ball as far as a pelvis at `wanted` (T, 3) needs, while it carries less."""
+    needed = np.zeros(len(carried))
+    for pitch in _HEEL_RAD:
+        tried = replace(foot, pitch_rad=np.maximum(foot.pitch_rad, pitch))
+        needed[_highest(wanted, root_quat, side, tried, reach) < wanted[:, 1]] = pitch
+    needed *= np.clip((0.6 - carried) / 0.3, 0.0, 1.0)
+    frames = np.arange(len(needed))
+    landed = np.maximum.accumulate(np.where(foot.planted, -10 * len(frames), frames))
+    needed *= ease((frames - landed) / (_FLAT_S * fps))
+    last = np.maximum.accumulate(np.where(foot.planted, frames, 0))  # in the air, as it left
+    needed = needed[last] * (1.0 - ease((frames - last) / (_HEEL_DOWN_S * fps)))
+    needed = gaussian_filter1d(needed, _HEEL_S * fps, mode="nearest")
+    needed[needed < _FLAT_RAD] = 0.0
+    pitch = np.where(needed > foot.pitch_rad, needed, foot.pitch_rad)
+    return replace(foot, pitch_rad=pitch, flat=foot.flat & (needed < 1e-9))
+
+
+def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath, reach: float) -> Floats:
     """The greatest height (T,) of the pelvis at which this leg reaches its ankle."""
     hip = rot.rotate(root_quat, _SKELETON.offsets_m[_INDEX[f"{side}_hip"]])
     gap = foot.ankle_m() - pos - hip
-    level = np.maximum((_REACH * _LEG_M) ** 2 - gap[:, 0] ** 2 - gap[:, 2] ** 2, 0.25**2)
+    level = np.maximum((reach * _LEG_M) ** 2 - gap[:, 0] ** 2 - gap[:, 2] ** 2, 0.25**2)
     return gap[:, 1] + np.sqrt(level)
 
 
-def _soft_min(a: Floats, b: Floats, width: float = 0.02) -> Floats:
+def _soft_min(a: Floats, b: Floats, width: float = 0.01) -> Floats:
     return 0.5 * (a + b - np.sqrt((a - b) ** 2 + width**2))
 
 
@@ -151,7 +188,7 @@ def _spine_and_head(local: Floats, ch: dict[str, Floats], fps: float) -> None:
     """Spine, neck and head: the chest compensates for the hips, the head for the chest."""
     side = -ch["side"] - 0.85 * ch["hip_roll"]  # about +Z, where left is negative
     twist = ch["twist"] - 0.9 * ch["hip_turn"]
-    bend = _LEAN_RAD + ch["bend"] - 0.85 * ch["hip_tilt"]
+    bend = ch["bend"] - 0.85 * ch["hip_tilt"]
     for name, share, arch, lag_s in _SPINE:
         x, y, z = share * bend - arch * ch["arch"], share * twist, share * side
         local[:, _INDEX[name]] = _euler(*(_delayed(angle, lag_s * fps) for angle in (x, y, z)))
@@ -205,8 +242,8 @@ def _leg(local: Floats, root: Floats, side: str, foot: FootPath) -> None:
     turned_out = (foot.yaw_rad - pelvis_yaw + np.pi) % (2 * np.pi) - np.pi
     knee_yaw = rot.about_y(pelvis_yaw + np.clip(0.85 * turned_out, -1.2, 1.2))  # (T, 4)
     hip_pos = root + rot.rotate(local[:, 0], _SKELETON.offsets_m[hip])
-    bent = rot.multiply(knee_yaw, rot.from_rotvec(np.array([0.25, 0.0, 0.0])))
-    thigh = rot.multiply(knee_yaw, rot.from_rotvec(np.array([-0.25, 0.0, 0.0])))
+    bent = rot.multiply(knee_yaw, rot.from_rotvec(np.array([_BENT_RAD, 0.0, 0.0])))
+    thigh = rot.multiply(knee_yaw, rot.from_rotvec(np.array([-_BENT_RAD, 0.0, 0.0])))
     knee_pos = hip_pos + rot.rotate(thigh, _SKELETON.offsets_m[knee])
     ankle_pos = knee_pos + rot.rotate(bent, _SKELETON.offsets_m[ankle])
     axis = rot.rotate(knee_yaw, np.array([1.0, 0.0, 0.0]))

@@ -24,11 +24,14 @@ BALL_FROM_ANKLE_M = _SKELETON.offsets_m[_SKELETON.index("left_foot")]  # (3,)
 BALL_OVER_FLOOR_M = float(_SKELETON.rest_pos_m()[_SKELETON.index("left_foot")][1])
 _HEEL_FROM_BALL_M = np.array([0.0, -BALL_OVER_FLOOR_M, -BALL_FROM_ANKLE_M[2] - 0.045])
 
-_SHORTEST_S, _LONGEST_S = 0.14, 0.70  # a step's time in the air, at any tempo
-_UP_FIRST, _DOWN_LAST = 0.10, 0.06  # of a swing: vertical at its start and end
-_HEEL_OFF_S = 0.17  # the heel starts to rise this long before the ball leaves
-_HEEL_OFF_RAD = np.radians(26.0)  # for a step of _FAR_M or more
-_FAR_M = 0.30
+_SHORTEST_S, _LONGEST_S = 0.14, 1.00  # a step's time in the air, at any tempo
+_UP_FIRST, _DOWN_LAST = 0.06, 0.04  # of a swing: vertical at its start and end
+_HEEL_OFF_S = 0.16  # the heel starts to rise this long before the ball leaves
+_HEEL_OFF_RAD = np.radians(28.0)  # for a step of _FAR_M or more
+_FAR_M = 0.40
+_HEEL_DOWN = 0.65  # of a swing: by then the foot is as it lands
+_STRIKE_RAD = np.radians(-15.0)  # toes up as the heel lands, after a step forward of _FAR_M or more
+_STRIKE_S = 0.16  # until the foot is flat
 _PIVOT_RAD = np.radians(5.0)  # the heel is slightly raised while the foot turns on its ball
 
 
@@ -72,7 +75,7 @@ def foot_path(plants: Sequence[FootPlant], tempo: Tempo, times_s: Floats) -> Foo
         leave = _leaves_at(here, there, tempo)
         u = (times_s - leave) / (land - leave)
         after, flying = times_s >= land, (u > 0) & (u < 1)
-        s = ease((u - _UP_FIRST) / (1.0 - _UP_FIRST - _DOWN_LAST))[flying]
+        s = _glide((u - _UP_FIRST) / (1.0 - _UP_FIRST - _DOWN_LAST))[flying]
         over = _arc(u)[flying]
         a, b = np.array(here.ball_m), np.array(there.ball_m)
         heel_off = 0.0 if there.in_place else _heel_off(here, float(np.linalg.norm(b - a)))
@@ -85,13 +88,34 @@ def foot_path(plants: Sequence[FootPlant], tempo: Tempo, times_s: Floats) -> Foo
         height[flying] = here.height_m + (there.height_m - here.height_m) * s + there.lift_m * over
         yaw[flying] = here.yaw_rad + (there.yaw_rad - here.yaw_rad) * s
         turns = there.in_place and abs(there.yaw_rad - here.yaw_rad) > 1e-6
-        pitch[flying] = start_pitch + (there.pitch_rad - start_pitch) * s
+        strike = _strike(here, there)
+        if there.in_place:
+            pitch[flying] += (there.pitch_rad - here.pitch_rad) * s
+        else:
+            down = ease(u / _HEEL_DOWN)[flying] if heel_off else s
+            pitch[flying] = start_pitch + (there.pitch_rad + strike - start_pitch) * down
         pitch[flying] += over * _PIVOT_RAD * turns
         in_air[flying] = over * (not there.in_place)
         planted[flying] = there.in_place
-        xz[after], height[after], yaw[after], pitch[after] = b, there.height_m, there.yaw_rad, there.pitch_rad
+        xz[after], height[after], yaw[after] = b, there.height_m, there.yaw_rad
+        pitch[after] = there.pitch_rad + strike * (1.0 - ease((times_s[after] - land) / _STRIKE_S))
         planted[after] = there.height_m == 0.0
     return _settled(xz, height, yaw, pitch, in_air, planted)
+
+
+def _glide(u: Floats) -> Floats:
+    """Progress from 0 to 1 over u in [0, 1]: at rest at both ends, quicker off and down than `ease`."""
+    u = np.clip(u, 0.0, 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+def _strike(here: FootPlant, there: FootPlant) -> float:
+    """Angle of the foot as its heel lands, 0 unless it is a flat step forward."""
+    if there.in_place or there.height_m > 0.0 or there.pitch_rad != 0.0:
+        return 0.0
+    way = np.array(there.ball_m) - here.ball_m
+    forward = float(way @ (np.sin(there.yaw_rad), np.cos(there.yaw_rad)))
+    return _STRIKE_RAD * float(np.clip((forward - 0.15) / _FAR_M, 0.0, 1.0))
 
 
 def _arc(u: Floats) -> Floats:

@@ -69,6 +69,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
+
 from choreograph.core.errors import ParameterError
 from content.moves.arm_poses import Arm, arm
 
@@ -229,12 +231,16 @@ class Move:
     poses: Mapping[float, Pose] = field(default_factory=dict)
     bounce: Bounce = Bounce(0.025)
     fastest_bpm: float = 400.0  # counts per minute, at higher tempi its quick steps are not feasible
+    # (left m, forward m, degrees) of the home at its end, where the free foot may be elsewhere.
+    end: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         counts = [s.count for s in self.steps] + list(self.poses)
         if any(not 0 < c <= self.counts for c in counts):
             raise ParameterError(f"{self.name}: expected counts above 0, up to {self.counts}, got {counts}")
         self._stands_on()
+        if self.end is not None:
+            return
         apart = [abs(a - b) for a, b in zip(self._place("left"), self._place("right"), strict=True)]
         if max(apart[:2]) > _HOME_M or apart[2] > 0.0:
             raise ParameterError(
@@ -266,7 +272,7 @@ class Move:
     @property
     def travel(self) -> tuple[float, float, float]:
         """(left m, forward m, degrees to the left) from the home it starts at to the one it ends at."""
-        return self._place(self._stands_on() or "left")
+        return self.end or self._place(self._stands_on() or "left")
 
     @property
     def first_foot(self) -> Side | None:
@@ -286,6 +292,7 @@ class Move:
             self,
             steps=tuple(s.mirrored() for s in self.steps),
             poses={count: p.mirrored() for count, p in self.poses.items()},
+            end=None if self.end is None else (-self.end[0], self.end[1], -self.end[2]),
         )
 
 
@@ -298,3 +305,32 @@ def both_sides(move: Move) -> Move:
     return replace(
         move, counts=2 * n, steps=steps, poses={**move.poses, **{c + n: p for c, p in back.poses.items()}}
     )
+
+
+def varied(move: Move, rng: np.random.Generator, *, length: float, turn_deg: float) -> Move:
+    """`move` as it is danced once: other lengths and places of steps, lifts, turned a little on its way.
+
+    `length` is the relative spread of lengths, `turn_deg` that of the turn at the end. The way of a move
+    that stays in its place is bent as well: it drifts.
+    """
+    scale = 1.0 + length * rng.standard_normal(2).clip(-1.5, 1.5)
+    drift = 0.18 * rng.standard_normal(2).clip(-1.5, 1.5)
+    turn = float(turn_deg * rng.standard_normal(1)[0].clip(-1.5, 1.5))
+
+    def place(at: tuple[float, float], face: float, share: float) -> tuple[tuple[float, float], float]:
+        angle = np.radians(turn * share)
+        x, z = scale * at + drift * share
+        cos, sin = np.cos(angle), np.sin(angle)
+        return (float(cos * x + sin * z), float(cos * z - sin * x)), face + turn * share
+
+    steps = []
+    for s in sorted(move.steps, key=lambda s: s.count):
+        at, face = place(s.at, s.face or 0.0, s.count / move.counts)
+        near = 0.02 * rng.standard_normal(2).clip(-1.5, 1.5)
+        lift = s.lift * float(rng.uniform(0.8, 1.3))
+        if s.in_place:
+            steps.append(replace(s, face=None if s.face is None else face))
+        else:
+            steps.append(replace(s, at=(at[0] + near[0], at[1] + near[1]), face=face, lift=lift))
+    end, facing = place(move.travel[:2], move.travel[2], 1.0)
+    return replace(move, steps=tuple(steps), end=(*end, facing))

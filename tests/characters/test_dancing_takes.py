@@ -19,7 +19,7 @@ from choreograph.library.builtin import starter_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 
-FRAMES = np.arange(0, 120, 6)
+FRAMES = np.arange(0, 100, 5)
 
 
 @lru_cache(maxsize=4)
@@ -38,7 +38,8 @@ def test_feet_are_on_the_floor_and_slide_no_more_than_the_dancers(tmp_path, name
     lowest_m = skinned_vertices_m(document, node_worlds(document, FRAMES))[..., 1].min(axis=1)
     assert np.median(np.abs(lowest_m)) < 0.005 and lowest_m.min() > -0.03
     at_our_size = body_pos_m(performance.motion) / (spec.size * spec.legs)
-    assert foot_slide_cm_s(at_our_size, motion.fps) < 1.1 * foot_slide_cm_s(body_pos_m(motion), motion.fps)
+    danced_cm_s = foot_slide_cm_s(body_pos_m(motion), motion.fps)
+    assert foot_slide_cm_s(at_our_size, motion.fps) < 1.1 * danced_cm_s + 0.3
 
 
 @pytest.mark.parametrize("name", ["long arms", "stocky", "child"])

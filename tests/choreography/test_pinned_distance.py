@@ -20,7 +20,7 @@ def words_of_take(take: int):
     return v.word_motif[words], danced_embeddings(motion, bounds_s, STARTER)
 
 
-@pytest.mark.parametrize("take", [0, 40, 100])
+@pytest.mark.parametrize("take", [20, 40, 100])
 def test_nearly_all_words_of_takes_are_near_enough(take):
     motifs, embeddings = words_of_take(take)
     danced = motifs_of_embeddings(embeddings, STARTER)

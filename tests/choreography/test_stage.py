@@ -106,7 +106,7 @@ def test_dances_keep_to_the_stage(engine):
         of_seeds = []
         for seed in (0, 1):
             dance = cg.dance(
-                cg.example_songs()["waltz"], duration_s=20, engine=engine, stage=stage, seed=seed
+                cg.example_songs()["cha-cha"], duration_s=20, engine=engine, stage=stage, seed=seed
             )
             assert dance.plan.stage == stage
             pos_m = body_pos_m(dance.motion)

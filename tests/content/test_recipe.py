@@ -25,7 +25,7 @@ def test_a_small_run_of_the_whole_recipe(tmp_path, monkeypatch):
     monkeypatch.setattr(recipe, "motion_counts_config", lambda preset: config("tiny", steps=2))
     monkeypatch.setattr(recipe, "pretrained_path", lambda name: output)
     monkeypatch.setattr(recipe, "_GENRES_LEFT_OUT", 1)
-    monkeypatch.setattr(style_recipe, "take_specs", lambda: islice(specs(), 0, None, 32))  # of four genres
+    monkeypatch.setattr(style_recipe, "take_specs", lambda: islice(specs(), 0, None, 32))  # of nine genres
     monkeypatch.setattr(style_recipe, "STYLES", {g: style_recipe.STYLES[g] for g in GENRES})
     songs = style_recipe.style_songs
     monkeypatch.setattr(style_recipe, "style_songs", lambda: songs(1))
@@ -34,7 +34,7 @@ def test_a_small_run_of_the_whole_recipe(tmp_path, monkeypatch):
     recipe.main()
     nets, provenance = read_networks(output)
     assert set(nets) == {"motion_counts", "style"}
-    assert len(provenance["trained_on"]) == 4
+    assert len(provenance["trained_on"]) == 9
     counting = MotionCounts.from_arrays(nets["motion_counts"].weights, nets["motion_counts"].config)
     take = whole(1, genres=GENRES[:1])[0]
     assert len(counting.curves(take.body_pos_m).beat) == len(take.body_pos_m)

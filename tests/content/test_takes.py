@@ -13,10 +13,10 @@ from choreograph.evaluation.metrics.beat import f_score
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.music.synthesis.song import STYLES
 from content import starter as recipe
 from content import starter_takes as takes
 from content.moves.genres import GENRES
+from content.songs.danced_styles import DANCED
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("short_trainings")]
@@ -27,8 +27,8 @@ def test_there_are_enough_takes_and_none_is_a_benchmark_song():
     assert len({spec.name for spec in specs}) == len(specs)
     assert len({spec.seed for spec in specs}) == len(specs)
     assert max(spec.seed for spec in specs) < FIRST_SEED <= min(song.seed for song in BENCHMARK_SONGS)
-    assert len(GENRES) >= 8 and set(GENRES) <= set(STYLES)
-    assert all(len({move.name for move in genre.moves}) >= 8 for genre in GENRES.values())
+    assert len(GENRES) >= 15 and set(GENRES) == set(DANCED)
+    assert all(len({m.name for m in (*genre.moves, *genre.figures)}) >= 23 for genre in GENRES.values())
     assert len(specs) * takes.DURATION_S >= 40 * 60
     assert min(spec.bpm for spec in specs) <= 80 and max(spec.bpm for spec in specs) >= 180
 
@@ -46,7 +46,7 @@ def test_a_take_is_on_the_beat_of_its_song(genre):
 
 
 def test_takes_are_written_as_a_library_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(takes, "TAKES_PER_GENRE", 2)
+    monkeypatch.setattr(takes, "PARTS_OF_GENRE", ("whole", "whole"))
     monkeypatch.setattr(takes, "GENRES", {"disco": GENRES["disco"]})
     specs = [replace(spec, duration_s=10.0) for spec in takes.take_specs()]
     takes.write_takes(tmp_path / "takes", specs)
@@ -65,11 +65,13 @@ def test_takes_are_written_as_a_library_folder(tmp_path, monkeypatch):
         np.testing.assert_array_equal(take.counts.downbeat_times_s, take.counts.times_s[::4])
         assert take.counts.metre == 4 and take.counts.confidence == 1.0
         assert take.figures and {figure.name for figure in take.figures} <= {
-            m.name for m in GENRES["disco"].moves
+            m.name for m in (*GENRES["disco"].moves, *GENRES["disco"].figures)
         }
         truth = json.loads((tmp_path / "takes" / f"{spec.name}.truth.json").read_text(encoding="utf-8"))
         assert truth["beat_times_s"] == sorted(truth["beat_times_s"])
-        assert {move["name"] for move in truth["moves"]} <= {move.name for move in GENRES["disco"].moves}
+        assert {move["name"] for move in truth["moves"]} <= {
+            move.name for move in (*GENRES["disco"].moves, *GENRES["disco"].figures)
+        }
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ def folders(tmp_path_factory):
 
     put("A", "one", 0, 0, 16, "cha-cha")
     put("A", "two", 20, 5, 18)
-    put("B", "three", 70, 0, 14, "house")
+    put("B", "three", 60, 0, 14, "house")
     (root / "B" / "three.counts.csv").write_text(
         "time_s,number\n" + "".join(f"{i / 2},{i % 4 + 1}\n" for i in range(24))
     )

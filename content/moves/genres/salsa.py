@@ -6,7 +6,11 @@ The counts are the music's quarter notes, even at 190 of them a minute: that is 
 
 from __future__ import annotations
 
+from content.moves.carriage import Carriage
+from content.moves.figures import Manner
+from content.moves.genres.cha_cha import LATIN_ARMS
 from content.moves.genres.cuban import over
+from content.moves.genres.travelling_figures import SALSA_FIGURES
 from content.moves.notation import Bounce, Move, kick, pivot, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -260,9 +264,48 @@ HIP_SHINE = Move(
 SALSA = Genre(
     "salsa",
     (
-        BASIC, SIDE_BASIC, CUCARACHA, BACK_ROCK, RIGHT_TURN, LEFT_TURN, CROSS_BODY, SUZY_Q, MAMBO_TAP,
-        CROSSOVER, KICK_SHINE, HIP_SHINE,
+        BASIC,
+        SIDE_BASIC,
+        CUCARACHA,
+        BACK_ROCK,
+        RIGHT_TURN,
+        LEFT_TURN,
+        CROSS_BODY,
+        SUZY_Q,
+        MAMBO_TAP,
+        CROSSOVER,
+        KICK_SHINE,
+        HIP_SHINE,
     ),
+    size=1.2,
     sharpness=0.4,
     half_time_from_bpm=230.0,
-)  # fmt: skip
+    figures=SALSA_FIGURES,
+    manner=Manner(
+        arms=LATIN_ARMS,
+        changes=(1.0, 2.0, 2.0),
+        bounce=Bounce(0.008, "up"),
+        twist_deg=9.0,
+        side_deg=2.0,
+        swing=0.95,
+        lift_m=0.045,
+        varies=0.26,
+        turns_vary_deg=9.0,
+    ),
+    steer_deg=30.0,
+    carriage=Carriage(
+        posture=3.8,
+        to_go=0.65,
+        through=0.5,
+        reach=0.996,
+        stoop_m=0.0,
+        give_m=0.01,
+        hip_up=7.5,
+        hip_out_m=0.02,
+        hip_with_feet=20.0,
+        chest_against=0.7,
+        looks=12.0,
+        arm_swing=14.0,
+        arm_play=8.0,
+    ),
+)

