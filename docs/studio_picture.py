@@ -25,7 +25,6 @@ import choreograph as cg  # noqa: E402
 PICTURE = ROOT / "docs" / "_static" / "studio.png"
 SHOWN_S = 17.4  # a time at which the dancer is well seen
 SPAN_S = (15.8, 19.7)
-COLOURS = 200  # of the picture, which is then small
 
 
 def main() -> None:
@@ -46,9 +45,7 @@ def main() -> None:
             page.wait_for_timeout(2000)
             shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()
-    shot.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
-        PICTURE, optimize=True
-    )
+    shot.save(PICTURE, optimize=True)
     print(f"{PICTURE}: {PICTURE.stat().st_size} bytes")
 
 

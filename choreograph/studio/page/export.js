@@ -7,7 +7,7 @@ import { attempt, say } from "./messages.js";
 const NAMES = {
   glb: ["GLB", "for Blender, game engines and the web"], bvh: ["BVH", "motion for any animation program"],
   fbx: ["FBX", "for Maya, Unreal and Unity"], usd: ["USD", "for Omniverse and Houdini"], npz: ["NPZ", "arrays for Python"],
-  mp4: ["MP4", "a video with the song"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
+  mp4: ["MP4", "a video with the song"], vrma: ["VRMA", "an animation for avatars (VRM)"], png: ["PNG", "a strip of poses"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
 };
 
 const WHOLE_ONLY = ["html", "json"]; // a part of a dance has no page or plan
@@ -40,7 +40,7 @@ export class Export {
     const list = document.getElementById("formats");
     list.replaceChildren(...formats.map((format, i) => {
       const radio = createElement("input");
-      Object.assign(radio, { type: "radio", name: "format", value: format, checked: i === 0 });
+      Object.assign(radio, { type: "radio", name: "format", value: format, checked: formats.includes("glb") ? format === "glb" : i === 0 });
       const [name, what] = NAMES[format] ?? [format.toUpperCase(), ""];
       return createElement("label", "format", [radio, createElement("b", "", [name]), createElement("span", "", [what])]);
     }));

@@ -84,6 +84,8 @@ export class Settings {
     Object.assign(input.dataset, { weight: name, preset });
     const value = createElement("output");
     const label = createElement("label", "weight", [createElement("span", "name", [name.replaceAll("_", " ")]), value, input]);
+    input.id = `slider-${name}`;
+    label.htmlFor = input.id; // otherwise it would be the label of its first element, the value
     if (sentence) {
       const hint = createElement("p", "hint", [sentence]);
       hint.id = `weight-${name}`;
