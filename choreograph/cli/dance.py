@@ -55,14 +55,11 @@ def command(
     strict: bool,
     workers: int | None,
     dask: str | None,
-    stage: bool,
     **options: Any,
 ) -> None:
     """Make a dance for SONG (any audio file), or for each of several."""
     if workers is not None and workers < 0:
         raise ParameterError(f"expected --workers of 0 or more, got {workers}")
-    if stage and not dask:
-        raise ParameterError("expected --dask ADDRESS beside --stage, got none")
     files, asked = options_of(FileOptions, options), options_of(DanceOptions, options)
     if plan_path is not None:
         check_options_with_plan(songs)
@@ -81,7 +78,7 @@ def command(
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
         results = run_jobs(
             jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "",
-            staged=_shared(inputs, jobs) if stage else None,
+            shared=_shared(inputs, jobs),
         )  # fmt: skip
     if any(result.dances for result in results):
         write_map(files.save_map, dances.character())

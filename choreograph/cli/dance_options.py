@@ -136,10 +136,6 @@ _SETTINGS = (
         "--dask", metavar="ADDRESS",
         help="Dask scheduler whose workers dance the songs.",
     ),
-    optgroup.option(
-        "--stage", is_flag=True,
-        help="Send songs, repertoire and other files along to the workers of --dask.",
-    ),
 )  # fmt: skip
 
 _OUTPUT = (

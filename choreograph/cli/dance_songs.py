@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
     from choreograph.choreography.edits import EditRequest
     from choreograph.cli.present import StageLines, Stages
+    from choreograph.core.clusters import Cluster
     from choreograph.core.progress import ProgressReport
     from choreograph.library.repertoire import Repertoire
     from choreograph.pipeline.dancing import Dance, DanceArguments
@@ -81,7 +82,7 @@ class SongDances:
         if not folder.is_dir():
             raise ChoreographError(
                 f"expected the folder {folder} on the machines of all workers, got one without it: start "
-                "`choreograph dance` in a folder that all have, or add --stage"
+                "`choreograph dance` in a folder that all have"
             )
         with TemporaryDirectory() as own, chdir(folder):
             there = [
@@ -152,22 +153,26 @@ def run_jobs(
     *,
     workers: int = 1,
     dask: str = "",
-    staged: Sequence[Path] | None = None,
+    shared: Sequence[Path] = (),
 ) -> list[Result]:
     """The dances of the jobs. If one of several songs cannot be danced, the others still are.
 
     With several `workers`, or the Dask scheduler at the address `dask`, songs are danced at once. The songs
-    and the files `staged`, if they are given, are sent along to the workers of the scheduler.
+    and the files that all dances use, `shared`, are sent along if a worker of the scheduler lacks one.
     """
     if len(jobs) == 1 and not dask:
         return [dances.result(jobs[0], shown.report)]
     results: list[Result] = []
     shown.report("songs", 0, len(jobs), jobs[0].song.name)
-    with working(workers, dask, stage=staged is not None) as cluster:
+    with working(workers, dask, stage=True) as cluster:
         if cluster is not None:
             shown.report(f"connected, {cluster.dashboard}", 0, 0)
         is_alone = cluster is None and workers == 1
-        found = _here(jobs, dances, shown, is_alone) if cluster is None else _elsewhere(jobs, dances, staged)
+        found = (
+            _here(jobs, dances, shown, is_alone)
+            if cluster is None
+            else _elsewhere(jobs, dances, cluster, shared)
+        )
         for result in found:
             results.append(result)
             following = jobs[len(results)].song.name if len(results) < len(jobs) else ""
@@ -204,12 +209,15 @@ class _Sent:
         return (self.job.song,)
 
 
-def _elsewhere(jobs: Sequence[Job], dances: SongDances, staged: Sequence[Path] | None) -> Iterator[Result]:
+def _elsewhere(
+    jobs: Sequence[Job], dances: SongDances, cluster: Cluster, shared: Sequence[Path]
+) -> Iterator[Result]:
     """The results of the workers of a cluster, whose files are written here."""
-    sent = [_Sent(dances, Path.cwd(), job, staged is not None) for job in jobs]
-    results = each(
-        _Sent.result, sent, killed=_Sent.killed, files=_Sent.files, shared=_with_files_inside(staged or ())
-    )
+    shared = _with_files_inside(shared)
+    stage = cluster.lacks([Path.cwd(), *(job.song for job in jobs), *shared])
+    sent = [_Sent(dances, Path.cwd(), job, stage) for job in jobs]
+    files = _Sent.files if stage else None
+    results = each(_Sent.result, sent, killed=_Sent.killed, files=files, shared=shared)
     for result, contents in results:
         paths = [path for paths in result.job.outputs for path in paths]
         try:

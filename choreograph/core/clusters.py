@@ -46,6 +46,11 @@ class Cluster:
         """The number of workers, at least 1."""
         return max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
 
+    def lacks(self, paths: Iterable[Path]) -> bool:
+        """Whether a worker has not all of these files and folders, under their absolute paths."""
+        absolute = [path.absolute() for path in paths]
+        return not all(self._client.run(_has, absolute).values())
+
     def each(
         self,
         function: Callable[[_Input], _Result],
@@ -125,6 +130,10 @@ class Cluster:
         except (CommClosedError, OSError):  # a time that is over is an OSError
             return False
         return True
+
+
+def _has(paths: Sequence[Path]) -> bool:
+    return all(path.exists() for path in paths)
 
 
 def _received(result: Any) -> Any:

@@ -16,6 +16,7 @@ from choreograph.cli.dance import command as dance
 from choreograph.cli.dance_jobs import Job
 from choreograph.cli.dance_options import DanceOptions, FileOptions, options_of
 from choreograph.cli.dance_songs import SongDances, _Sent, _with_files_inside
+from choreograph.core.clusters import Cluster
 from choreograph.core.staging import on_staged, sent_files, staged
 from choreograph.formats.bvh import read_bvh
 
@@ -68,7 +69,6 @@ def test_facts_of_all_songs_as_json(songs, db):
         (["a.wav", "b.wav", "-o", "new/{song}.xyz"], "xyz"),
         (["a.wav", "b.wav", "-o", "a.wav/{song}.bvh"], "folder"),
         ([], "expected a SONG"),
-        (["a.wav", "b.wav", "--stage"], "expected --dask ADDRESS beside --stage"),
         (["a.wav", "b.wav", "--workers", -1], "expected --workers of 0 or more, got -1"),
         (["a.wav", "--loop", "-o", "a.html"], "for --loop, got .html: add -o NAME.bvh"),
     ],
@@ -119,10 +119,11 @@ def test_songs_that_are_danced_by_a_cluster_have_the_same_bytes(alone, db, tmp_p
 
 
 @pytest.mark.slow
-def test_songs_and_repertoire_are_sent_along_to_a_cluster(alone, db, tmp_path):
+def test_songs_and_repertoire_are_sent_along_to_a_cluster_that_lacks_them(alone, db, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setattr(Cluster, "lacks", lambda self, paths: True)
     with scheduler_with_workers(tmp_path / "workers") as address:
-        assert outputs_of(Path("staged"), "--db", db, "--dask", address, "--stage") == alone
+        assert outputs_of(Path("staged"), "--db", db, "--dask", address) == alone
 
 
 def test_what_was_sent_is_danced_without_the_files_it_was_made_of(songs, db, tmp_path):

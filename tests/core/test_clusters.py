@@ -65,6 +65,13 @@ def test_results_come_in_order_from_the_workers(address):
     assert os.getpid() not in found and len(found) == 2
 
 
+def test_files_that_workers_lack_are_found(address, tmp_path):
+    (tmp_path / "song.wav").touch()
+    with cluster(address) as workers:
+        assert not workers.lacks([tmp_path, tmp_path / "song.wav"])
+        assert workers.lacks([tmp_path, tmp_path / "other.wav"])
+
+
 def test_results_are_given_up_to_an_error(address):
     with cluster(address):
         results = each(partial(fails_at, 6), range(9))
