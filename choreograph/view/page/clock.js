@@ -43,6 +43,8 @@ export class SoundClock {
     const { lastReading, playing } = this;
     const reported = this.audio.currentTime;
     const started = playing && !lastReading.playing;
+    // A seek to where the sound already is may have no event: to the start of one that is not loaded yet.
+    if (this.seekTarget !== null && !this.audio.seeking && Math.abs(reported - this.seekTarget) < 1e-3) this.#landed();
     const changedAt = started ? -1 : reported !== lastReading.reported ? now : lastReading.changedAt;
     if (this.seekTarget === null) {
       const elapsed = Math.max(0, now - lastReading.at);
