@@ -211,7 +211,7 @@ def test_first_paint_and_frames(danced, browser, record_property):
         page.wait_for_timeout(1500)
         per_s = (page.evaluate("studio.framesDrawn") - frames) / (time.perf_counter() - at)
         record_property("frames_per_s", per_s)
-        assert per_s > 5
+        assert per_s > 2
 
 
 def exported(page, folder):
@@ -245,9 +245,7 @@ def test_two_versions_are_compared_and_rated(danced, browser, folder):
         page.keyboard.press("c")
         until(page, "document.getElementById('show-B').ariaPressed === 'true'")
         page.click("#better-B")
-        page.wait_for_selector(".message")
-        saved = page.inner_text(".message")
-        assert "study" in saved
+        until(page, "/study/.test(document.getElementById('messages').innerText)")
         page.click("#show-current")
         until(page, "studio.differences.length === 0")
 
