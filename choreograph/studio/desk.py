@@ -17,29 +17,23 @@ from choreograph.choreography.edits import EditRequest, edit_slots
 from choreograph.choreography.pieces import PieceRequest
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.errors import FormatError, NoPathError, ParameterError
-from choreograph.core.numerics import Memory, RecentItems, default_numerics, one_thread
-from choreograph.core.progress import ProgressReport, substage
+from choreograph.core.numerics import default_numerics, one_thread
+from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion.motion import Motion
 from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.pipeline.alternatives import alternatives
 from choreograph.pipeline.dancing import Dance, dance_with
 from choreograph.pipeline.editing import Editor, edit, planned_edit
-from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit
-from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
-from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data, whole_facts
+from choreograph.render.rendering import off_stage, take_motions, with_edit
+from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
+from choreograph.studio.offers import Offers
 from choreograph.studio.project import Project, Settings, Span, Step, joined
 from choreograph.studio.project_file import ProjectFile, project_path
 from choreograph.studio.refusals import ConflictError, NotFoundError
 from choreograph.studio.shelf import Shelf
+from choreograph.studio.step_dances import StepDances
 
-_MEMORY_BYTES = 1 << 28  # of what dances to one song have in common
-_MOTION_BYTES = 1 << 26  # of motions of steps, so that undo shows at once
-_COMPRESSED_BYTES = 1 << 23  # of motions as they are sent
-_BESIDE_S = 0.5  # of the dance on either side of an alternative
-_MOST_ALTERNATIVES = 24
 _SHORTEST_LEFT_S = 0.05  # of a locked part. Shorter ones are left out
 
 
@@ -55,15 +49,6 @@ class State:
     changed: tuple[Span, ...] = ()  # by the last change
 
 
-@dataclass(frozen=True, eq=False)
-class _Offer:
-    """An alternative that was shown, and may be chosen."""
-
-    revision: int  # of the dance that it changes
-    edit: PlannedEdit
-    why: str
-
-
 class Desk:
     """The state of the studio. Other threads only read it."""
 
@@ -73,10 +58,8 @@ class Desk:
         settings = Settings(repertoire=repertoire.path.name)
         self.state = State(Project("", settings=settings), repertoire)  # replaced as a whole
         self._file: ProjectFile | None = None
-        self._memory = repertoire, Memory(_MEMORY_BYTES)
-        self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
-        self._compressed: RecentItems[dict[str, Any]] = RecentItems(_COMPRESSED_BYTES)
-        self._offers: dict[str, _Offer] = {}
+        self._dances = StepDances(repertoire)
+        self._offers = Offers()
         self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
         self._facts: dict[str, tuple[int, dict[str, Any]]] = {}  # by what they are of, with their step
 
@@ -112,9 +95,8 @@ class Desk:
         try:
             project = file.read()
             if project is not None and project.song != song_path.name:
-                raise FormatError(
-                    f"{path}: expected a project of {song_path.name}, got one of {project.song!r}"
-                )
+                got = repr(project.song)
+                raise FormatError(f"{path}: expected a project of {song_path.name}, got one of {got}")
         except FormatError:
             if not is_open:
                 file.close()
@@ -129,9 +111,7 @@ class Desk:
     def _forget(self, project: Project) -> None:
         """Begin with a project whose song and dance are not read yet."""
         repertoire = self.shelf.open(project.settings.repertoire, self.folder)
-        self._memory, self._motions = (repertoire, Memory(_MEMORY_BYTES)), RecentItems(_MOTION_BYTES)
-        self._compressed = RecentItems(_COMPRESSED_BYTES)
-        self._offers, self._facts = {}, {}
+        self._dances, self._offers, self._facts = StepDances(repertoire), Offers(), {}
         self.state = State(project, repertoire)
 
     @default_numerics()
@@ -160,7 +140,7 @@ class Desk:
         repertoire = self.shelf.open(settings.repertoire, self.folder)
         found, _ = analyse_song(
             self.song(), repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
-            memory=self._memory_of(repertoire),
+            memory=self._dances.memory_of(repertoire),
         )  # fmt: skip
         return found
 
@@ -177,12 +157,6 @@ class Desk:
         if step is None or dance is None:
             raise NotFoundError("expected a dance, got none yet: open a song first")
         return step, dance
-
-    def _memory_of(self, repertoire: Repertoire) -> Memory:
-        """The memory of the repertoire that was used last."""
-        if repertoire is not self._memory[0]:
-            self._memory = repertoire, Memory(_MEMORY_BYTES)
-        return self._memory[1]
 
     def mannequin(self) -> tuple[str, dict[str, Any]]:
         """The mesh of the repertoire's body, and its facts."""
@@ -206,11 +180,7 @@ class Desk:
     def motion_data(self, slot: str = "") -> dict[str, Any]:
         """The compressed motion of the dance, or of version A or B, else `NotFoundError`."""
         step, dance = self.version(slot) if slot else self.current()
-        data = self._compressed.get(step.number)
-        if data is None:
-            data = motion_data(dance.motion)
-            self._compressed.keep(step.number, data, len(data["motion"]))
-        return data
+        return self._dances.compressed(step, dance.motion)
 
     def version(self, slot: str) -> tuple[Step, Dance]:
         """The step of version A or B, and its dance. Raises `NotFoundError` if there is none."""
@@ -220,34 +190,8 @@ class Desk:
         return step, self._dance_of(step, None)
 
     def _dance_of(self, step: Step, report: ProgressReport | None) -> Dance:
-        plan = step.plan()
-        motion = self._motion_of(step, plan, report)
-        return Dance(motion, plan, off_stage(motion, plan.stage), self.song().path)
-
-    @one_thread()
-    def _motion_of(self, step: Step, plan: Plan, report: ProgressReport | None) -> Motion:
-        """The motion of a step: that of the nearest step before it which is known, with further edits."""
         repertoire = self.shelf.open(step.settings.repertoire, self.folder)
-        todo: list[PlannedEdit] = []
-        known, motion = step, self._motions.get(step.number)
-        while motion is None and known.parent is not None:
-            parent = self.project.steps[known.parent]
-            todo = [*known.edits[len(parent.edits) :], *todo]
-            known, motion = parent, self._motions.get(parent.number)
-        if motion is None:
-            rendering = substage(report, "rendering")
-            base = replace(plan, edits=())
-            memory = self._memory_of(repertoire)
-            motion = render_planned(base, repertoire, memory, report=rendering)
-            todo = list(step.edits)
-        read_motion = take_motions(repertoire)
-        for one in todo:
-            motion = with_edit(motion, plan, one, read_motion)
-        self._keep_motion(step, motion)
-        return motion
-
-    def _keep_motion(self, step: Step, motion: Motion) -> None:
-        self._motions.keep(step.number, motion, motion.root_pos_m.nbytes + motion.local_quat.nbytes)
+        return self._dances.dance(self.project, step, repertoire, self.song(), report)
 
     # Changes. Each is written before it is shown.
 
@@ -274,7 +218,7 @@ class Desk:
         assert step is not None
         features = self._features(project)
         self._saved(project, dance=made, changed=step.changed, features=features)
-        self._keep_motion(step, made.motion)
+        self._dances.keep(step, made.motion)
 
     def change_settings(
         self,
@@ -319,8 +263,8 @@ class Desk:
         if settings.engine != "graph":  # the others have no built-in costs
             config = replace(config, weights={})
         made = dance_with(
-            self._memory_of(repertoire), song, repertoire, genre=settings.genre, engine=settings.engine,
-            config=config,
+            self._dances.memory_of(repertoire), song, repertoire,
+            genre=settings.genre, engine=settings.engine, config=config,
             bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
         )  # fmt: skip
         what = json.dumps(changes) if changes else "dance"
@@ -364,9 +308,8 @@ class Desk:
         settings = self.project.settings
         settings = settings.changed({"bans": list(dict.fromkeys((*settings.bans, *bans)))})
         if new:
-            self._with_dance(
-                ", ".join(dict.fromkeys(one.request for one in new)), made, settings, edited=True
-            )
+            request = ", ".join(dict.fromkeys(one.request for one in new))
+            self._with_dance(request, made, settings, edited=True)
         else:  # what is banned is not danced
             self._saved(self.project.with_settings(settings), changed=())
 
@@ -383,34 +326,12 @@ class Desk:
     def alternatives(
         self, revision: int, span: Span, n: int, report: ProgressReport | None = None
     ) -> list[dict[str, Any]]:
-        """What else could be danced in a span, with the motion of the span and half a second beside it.
-
-        Raises as `Session.alternatives`, and `ConflictError` for an old revision.
-        """
+        """What else could be danced in a span, as `Offers.found`. `ConflictError` for an old revision."""
         self.check(revision)
-        if not 1 <= n <= _MOST_ALTERNATIVES:
-            raise ParameterError(f"expected 1 to {_MOST_ALTERNATIVES} alternatives, got {n}")
         _, dance = self.current()
         if report is not None:
             report("looking for alternatives", 0, 0)
-        found = alternatives(dance, self.state.repertoire, span, n)
-        self._offers, shown = {}, []
-        for index, one in enumerate(found):
-            id = f"{revision}-{index}"
-            self._offers[id] = _Offer(revision, one.dance.plan.edits[-1], one.why)
-            motion, fps = one.dance.motion, one.dance.motion.fps
-            first = max(0, round((one.start_s - _BESIDE_S) * fps))
-            part = motion.sliced(first, min(motion.n_frames, round((one.end_s + _BESIDE_S) * fps)))
-            words = one.dance.plan.edits[-1].words
-            shown.append(
-                {
-                    "id": id, "start_s": one.start_s, "end_s": one.end_s, "from_s": first / fps,
-                    "cost": round(one.cost, 4), "costs": one.costs, "why": one.why,
-                    "take": words[len(words) // 2].take, "genre": words[len(words) // 2].credits.genre,
-                    **motion_data(part, small=True),
-                }
-            )  # fmt: skip
-        return shown
+        return self._offers.found(dance, self.state.repertoire, revision, span, n)
 
     @one_thread()
     def choose(self, revision: int, id: str) -> None:
@@ -420,9 +341,7 @@ class Desk:
         """
         self.check(revision)
         self.current()
-        offer = self._offers.get(id)
-        if offer is None or offer.revision != revision:
-            raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
+        offer = self._offers.chosen(revision, id)
         self._make(offer.edit, f"{offer.edit.request}: {offer.why}")
 
     @default_numerics()

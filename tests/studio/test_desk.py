@@ -12,6 +12,7 @@ from choreograph.render.rendering import render
 from choreograph.studio.desk import Desk
 from choreograph.studio.project_file import ProjectFile
 from choreograph.studio.refusals import ConflictError, NotFoundError
+from choreograph.studio.step_dances import StepDances
 
 
 @pytest.fixture
@@ -84,7 +85,7 @@ def test_undo_without_motions_in_memory_renders_the_same(desk):
     before = motion_of(desk)
     desk.edit(1, [Swap(2.0, 4.0)])
     after = motion_of(desk)
-    desk._motions = type(desk._motions)(0)
+    desk._dances = StepDances(desk.state.repertoire)
     desk.move(2, back=True)
     assert is_same(motion_of(desk), before)
     desk.move(3, back=False)

@@ -1,0 +1,79 @@
+"""The dances of the steps of a project. They are rendered again from their plans, unless they are kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from choreograph.core.numerics import Memory, RecentItems, one_thread
+from choreograph.core.progress import ProgressReport, substage
+from choreograph.library.repertoire import Repertoire
+from choreograph.motion.motion import Motion
+from choreograph.music.song import Song
+from choreograph.pipeline.dancing import Dance
+from choreograph.plan import Plan
+from choreograph.plan_parts import PlannedEdit
+from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
+from choreograph.studio.facts import motion_data
+from choreograph.studio.project import Project, Step
+
+_MEMORY_BYTES = 1 << 28  # of what dances to one song have in common
+_MOTION_BYTES = 1 << 26  # of motions of steps, so that undo shows at once
+_COMPRESSED_BYTES = 1 << 23  # of motions as they are sent
+
+
+class StepDances:
+    """The dances to one song. The motions of those that were used last are kept."""
+
+    def __init__(self, repertoire: Repertoire) -> None:
+        self._memory = repertoire, Memory(_MEMORY_BYTES)
+        self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
+        self._compressed: RecentItems[dict[str, Any]] = RecentItems(_COMPRESSED_BYTES)
+
+    def memory_of(self, repertoire: Repertoire) -> Memory:
+        """What the dances with a repertoire have in common. Only that of the last repertoire is kept."""
+        if repertoire is not self._memory[0]:
+            self._memory = repertoire, Memory(_MEMORY_BYTES)
+        return self._memory[1]
+
+    def dance(
+        self, project: Project, step: Step, repertoire: Repertoire, song: Song, report: ProgressReport | None
+    ) -> Dance:
+        """The dance of a step, with the takes of the repertoire of its settings."""
+        plan = step.plan()
+        motion = self._motion(project, step, plan, repertoire, report)
+        return Dance(motion, plan, off_stage(motion, plan.stage), song.path)
+
+    def keep(self, step: Step, motion: Motion) -> None:
+        """Keep the motion of a step for a while."""
+        self._motions.keep(step.number, motion, motion.root_pos_m.nbytes + motion.local_quat.nbytes)
+
+    def compressed(self, step: Step, motion: Motion) -> dict[str, Any]:
+        """The motion of a step as it is sent to the page."""
+        data = self._compressed.get(step.number)
+        if data is None:
+            data = motion_data(motion)
+            self._compressed.keep(step.number, data, len(data["motion"]))
+        return data
+
+    @one_thread()
+    def _motion(
+        self, project: Project, step: Step, plan: Plan, repertoire: Repertoire, report: ProgressReport | None
+    ) -> Motion:
+        """The motion of a step: that of the nearest step before it which is known, with further edits."""
+        todo: list[PlannedEdit] = []
+        known, motion = step, self._motions.get(step.number)
+        while motion is None and known.parent is not None:
+            parent = project.steps[known.parent]
+            todo = [*known.edits[len(parent.edits) :], *todo]
+            known, motion = parent, self._motions.get(parent.number)
+        if motion is None:
+            rendering = substage(report, "rendering")
+            base = replace(plan, edits=())
+            motion = render_planned(base, repertoire, self.memory_of(repertoire), report=rendering)
+            todo = list(step.edits)
+        read_motion = take_motions(repertoire)
+        for one in todo:
+            motion = with_edit(motion, plan, one, read_motion)
+        self.keep(step, motion)
+        return motion
