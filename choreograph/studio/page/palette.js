@@ -98,7 +98,7 @@ export class Palette {
     const to = atS === null && span ? span.to : Math.min(dance.duration_s, this.getLanes().snap(from + long));
     if ("motif" in item) await this.actions.edit("pin_motif", { from, to, motif: item.motif });
     else if (await this.actions.edit("pin_take", { from, to, take: item.take, source_s: item.from_s })) {
-      say(`The part of ${item.take} that fits best is danced here.`);
+      say(`${item.take} is danced here, from the count nearest to this move.`);
     }
   }
 
