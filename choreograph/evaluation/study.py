@@ -48,9 +48,8 @@ from choreograph.view.sound import encode_mp4, song_part
 # In Rhythm is a Dancer, section 5.3, 45 observers chose one of two clips that represents the genre better,
 # and marked single clips as recorded or generated. Here both questions are about pairs: which of two dances
 # to one song is more salsa, and which was made by a computer. A forced choice has a chance level of 0.5, for
-# any share of "real" answers. The paper played no music with the question about realism. To do the same,
-# write the study without sound.
-
+# any share of "real" answers. The paper played no music with the question about realism. To do the
+# same, write the study without sound.
 
 ASKED = ("ratings", "pairs", "both")
 _ORDERS_TRIED = 200
@@ -91,7 +90,6 @@ PAIR_QUESTIONS = (
     PairQuestion("genre", "Genre", "Which is more {genre}?"),
     PairQuestion("computer", "Computer", "Which was made by a computer? If both were: which looks more so?"),
 )
-
 BETTER = PairQuestion("better", "Better", "Which is better?")  # of two versions in the studio
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from content.moves.carriage import Carriage
-from content.moves.figures import Manner
-from content.moves.genres.street_figures import street
+from content.moves.genres.street_figures import CARRIAGE, MANNER, street
 from content.moves.notation import Bounce, Move, Pose, heel, kick, pivot, pose, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -234,42 +232,16 @@ DISCO = Genre(
     size=1.15,
     sharpness=0.4,
     figures=street("step touch", "grapevine", "three step turn", "jazz square", "kick step"),
-    manner=Manner(
-        arms=(
-            ("loose", "swing_out"),
-            ("low_guard", "guard"),
-            ("swing_fwd", "swing_back"),
-            ("low_out", "low_guard"),
-            ("chest", "low_out"),
-            ("pump_low", "guard"),
-            ("out", "low_guard"),
-            ("hip", "loose"),
-        ),
-        changes=(1.0, 2.0, 2.0),
+    manner=replace(
+        MANNER,
         bounce=Bounce(0.022, "up"),
-        twist_deg=9.0,
         groove_deg=4.0,
-        side_deg=5.0,
-        swing=0.9,
-        lift_m=0.06,
-        varies=0.22,
-        turns_vary_deg=10.0,
     ),
     steer_deg=30.0,
-    carriage=Carriage(
+    carriage=replace(
+        CARRIAGE,
         lean=2.0,
         posture=3.8,
-        to_go=0.5,
-        through=0.5,
-        reach=0.996,
-        stoop_m=0.0,
-        give_m=0.01,
-        hip_up=6.0,
-        hip_out_m=0.02,
-        hip_with_feet=20.0,
-        chest_against=0.7,
         looks=11.0,
-        arm_swing=14.0,
-        arm_play=8.0,
     ),
 )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from content.moves.arm_poses import Arm
-from content.moves.carriage import Carriage
-from content.moves.figures import Manner
-from content.moves.genres.street_figures import street
+from content.moves.genres.street_figures import CARRIAGE, MANNER, street
 from content.moves.notation import Bounce, Move, Side, Step, ball, kick, other, pose, press, step, touch
 from content.moves.sequencer import Genre
 
@@ -293,42 +293,16 @@ HIP_HOP = Genre(
     sharpness=0.42,
     bounce=1.1,
     figures=street("running man", "kick ball change"),
-    manner=Manner(
-        arms=(
-            ("loose", "swing_out"),
-            ("low_guard", "guard"),
-            ("swing_fwd", "swing_back"),
-            ("low_out", "low_guard"),
-            ("chest", "low_out"),
-            ("pump_low", "guard"),
-            ("out", "low_guard"),
-            ("hip", "loose"),
-        ),
-        changes=(1.0, 2.0, 2.0),
+    manner=replace(
+        MANNER,
         bounce=Bounce(0.032, "down"),
-        twist_deg=9.0,
         groove_deg=8.0,
-        side_deg=5.0,
-        swing=0.9,
-        lift_m=0.06,
-        varies=0.22,
-        turns_vary_deg=10.0,
     ),
     steer_deg=30.0,
-    carriage=Carriage(
-        to_go=0.5,
-        through=0.5,
-        reach=0.996,
-        stoop_m=0.0,
-        give_m=0.01,
-        hip_up=6.0,
-        hip_out_m=0.02,
-        hip_with_feet=20.0,
-        chest_against=0.7,
+    carriage=replace(
+        CARRIAGE,
         lean=4.0,
         posture=3.6,
         looks=10.0,
-        arm_swing=14.0,
-        arm_play=8.0,
     ),
 )

@@ -1,11 +1,46 @@
-"""Walks, turns and travelling steps of street and club dances, which their genres share."""
+"""Steps of street and club dances, and how they are danced, which their genres share."""
 
 from __future__ import annotations
 
-from content.moves.figures import Figure
+from content.moves.carriage import Carriage
+from content.moves.figures import Figure, Manner
 from content.moves.notation import pose
 
 _LOW = {c: pose(drop=0.06, bend=8) for c in (1, 2)}
+
+
+MANNER = Manner(
+    arms=(
+        ("loose", "swing_out"),
+        ("low_guard", "guard"),
+        ("swing_fwd", "swing_back"),
+        ("low_out", "low_guard"),
+        ("chest", "low_out"),
+        ("pump_low", "guard"),
+        ("out", "low_guard"),
+        ("hip", "loose"),
+    ),
+    changes=(1.0, 2.0, 2.0),
+    twist_deg=9.0,
+    side_deg=5.0,
+    swing=0.9,
+    lift_m=0.06,
+    varies=0.22,
+    turns_vary_deg=10.0,
+)
+CARRIAGE = Carriage(
+    to_go=0.5,
+    through=0.5,
+    reach=0.996,
+    stoop_m=0.0,
+    give_m=0.01,
+    hip_up=6.0,
+    hip_out_m=0.02,
+    hip_with_feet=20.0,
+    chest_against=0.7,
+    arm_swing=14.0,
+    arm_play=8.0,
+)
 
 
 def street(*without: str) -> tuple[Figure, ...]:
