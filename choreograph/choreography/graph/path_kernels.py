@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import Cost, turned_cost
+from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import TURNED_TAKE, USAGE_SCALE_S, Front, Variety, heading_series
 from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, positions
 from choreograph.choreography.graph.motif_costs import Signature
@@ -75,75 +75,37 @@ def extended(
     `weights` (4,) are those of `COMPILED`. `edges` (P, N) and `reached` (P,) are costs without them. The path
     continues with `path_node`, or with `NO_NODE` if it ends here. Then follow the history of the beginnings,
     their arrays of `arrays_of`, what the rest of the path dances, and the arrays of the nodes.
-    Costs that are looked up are evaluated only where a lower bound of the edge is below the best one.
+    Beginnings are tried in the order of their costs so far. A cost is evaluated only where the others and
+    lower bounds leave an edge below the best one into its node. All are added as by `edge_costs`.
     """
     n_a, n_b = edges.shape
     seen_danced, seen = seen_of(danced, counts, rest_danced, rest_counts, number, new_goal)
-    angles, of_starts = np.empty((4, n_a)), np.empty((2, n_b), np.float32)
-    for i in range(n_a):
-        end = turn_rad[i] + end_rad[i]
-        angles[0, i], angles[1, i] = np.cos(turn_rad[i]), np.sin(turn_rad[i])
-        angles[2, i], angles[3, i] = np.cos(end), np.sin(end)
-    for j in range(n_b):
-        of_starts[0, j], of_starts[1, j] = np.cos(start_rad[j]), np.sin(start_rad[j])
-    before = (angles, next_part, usage_s, seen_danced, seen)
     repeats, bound = bounds_of(weights, weights[3], seen, motifs, step_cost)
-    nodes = (take, of_starts, part, series.T.copy(), places, is_return, form_weight, motifs, repeats)
-    others = before, nodes, weights, rest_usage_s, step_cost, constants
-    order, left = np.empty(n_a, np.int64), np.empty(n_a)
+    starts, rest_s = np.empty((2, n_b), np.float32), np.zeros(n_b, np.float32)
+    for j in range(n_b):
+        starts[0, j], starts[1, j] = np.cos(start_rad[j]), np.sin(start_rad[j])
+        if usage_s.shape[1]:
+            rest_s[j] = rest_usage_s[take[j]]
+    series, places = series.T.copy(), places.T.copy()
+    form, total, low = np.empty(n_b, np.float32), np.empty(n_b, np.float32), np.empty(n_b)
+    order, left, has_words = np.empty(n_a, np.int64), np.empty(n_a), weights[3] != 0.0
     for i in range(n_a):
         left[i] = reached[i]
         if path_node >= 0:
-            left[i] -= np.float64(_of_edge(i, path_node, *others))
+            j = path_node
+            _vectorised_costs(
+                i, j, j + 1, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
+                series, take, rest_s, places, is_return, form_weight, constants, form, total,
+            )  # fmt: skip
+            if has_words:
+                total[j] += weights[3] * words_of(i, j, seen, motifs, repeats, step_cost)
+            left[i] -= np.float64(total[j])
         place = i
         while place > 0 and left[order[place - 1]] > left[i]:  # promising beginnings first
             order[place] = order[place - 1]
             place -= 1
         order[place] = i
-    best, parent = _cheapest(order, left, edges, bound, *others)
-    steer_rad, history = constants[1], (
-        np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32), np.empty((n_b, danced.shape[1])),
-        np.empty((n_b, counts.shape[1]), np.int16),
-    )  # fmt: skip
-    for j in range(n_b):
-        i = parent[j]
-        history[0][j] = turn_rad[i]
-        for k in range(usage_s.shape[1]):
-            history[1][j, k] = usage_s[i, k] * _USAGE_KEPT
-        for k in range(danced.shape[1]):
-            history[2][j, k] = danced[i, k]
-        for k in range(counts.shape[1]):
-            history[3][j, k] = 0 if new_goal else counts[i, k]
-        if next_part[i] != part[j]:
-            joined = (turn_rad[i] + end_rad[i] - start_rad[j] + np.pi) % (2 * np.pi) - np.pi
-            history[0][j] = joined - min(max(joined, -steer_rad), steer_rad)
-        if usage_s.shape[1]:
-            history[1][j, take[j]] += np.float32(1.0)
-        for m in range(n_own):
-            history[2][j, number[m]] = places[j, m]
-        for w in range(motifs.shape[1]):
-            if motifs[j, w] >= 0 and counts.shape[1]:
-                history[3][j, motifs[j, w]] += 1
-    return best, parent, history[0], history[1], history[2], history[3]
-
-
-@njit()
-def _cheapest(
-    order: Any, left: Any, edges: Any, bound: Any,
-    before: Any, nodes: Any, weights: Any, rest_usage_s: Any, step_cost: Any, constants: Any,
-) -> tuple[Any, Any]:  # fmt: skip  # pragma: no cover - compiled
-    """The least cost of each node (N,), and the first of the beginnings that have it.
-
-    The beginnings are tried in an `order` (P,). What they cost so far is `left` (P,). The costs that are
-    looked up in tables are evaluated only for edges whose other costs and `bound` (N,) leave the edge below
-    the best one into its node. Costs are added as by `edge_costs`.
-    """
-    usage_s, take, n_b = before[2], nodes[0], len(bound)
-    has_usage = weights[1] != 0.0 and usage_s.shape[1] > 0
-    total, low, rest_s = np.zeros(n_b, np.float32), np.empty(n_b), np.zeros(n_b, np.float32)
     best, parent = np.full(n_b, np.inf), np.zeros(n_b, np.int64)
-    for j in range(n_b if has_usage else 0):
-        rest_s[j] = rest_usage_s[take[j]]
     for i in order:
         n_near = 0
         for j in range(n_b):
@@ -151,40 +113,63 @@ def _cheapest(
             n_near += low[j] <= best[j]
         if n_near == 0:
             continue
-        if weights[0] != 0.0:
-            _front_costs(i, before, nodes, weights[0], constants, total)
-        else:
-            total[:] = np.float32(0.0)
-        if has_usage:
-            for j in range(n_b):
-                total[j] += weights[1] * ((usage_s[i, take[j]] + rest_s[j]) * PER_USAGE)
+        _vectorised_costs(
+            i, 0, n_b, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
+            series, take, rest_s, places, is_return, form_weight, constants, form, total,
+        )  # fmt: skip
         for j in range(n_b):
             low[j] += total[j]
         for j in range(n_b):
             if low[j] <= best[j]:
+                if has_words:
+                    total[j] += weights[3] * words_of(i, j, seen, motifs, repeats, step_cost)
                 cost = np.float64(edges[i, j]) + left[i]
-                cost += _with_looked_up(total[j], i, j, before, nodes, weights, step_cost)
-                if cost < best[j] or (cost == best[j] and i < parent[j]):
+                cost += np.float64(total[j])
+                if cost < best[j] or (cost == best[j] and i < parent[j]):  # the first of those that have it
                     best[j], parent[j] = cost, i
-    return best, parent
+    turns_rad, usages_s = np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32)
+    dances, sums = np.empty((n_b, danced.shape[1])), np.empty((n_b, counts.shape[1]), np.int16)
+    for j in range(n_b):
+        i = parent[j]
+        turns_rad[j] = turn_rad[i]
+        for k in range(usage_s.shape[1]):
+            usages_s[j, k] = usage_s[i, k] * _USAGE_KEPT
+        for k in range(danced.shape[1]):
+            dances[j, k] = danced[i, k]
+        for k in range(counts.shape[1]):
+            sums[j, k] = 0 if new_goal else counts[i, k]
+        if next_part[i] != part[j]:
+            joined = (turn_rad[i] + end_rad[i] - start_rad[j] + np.pi) % (2 * np.pi) - np.pi
+            turns_rad[j] = joined - min(max(joined, -constants[1]), constants[1])
+        if usage_s.shape[1]:
+            usages_s[j, take[j]] += np.float32(1.0)
+        for m in range(n_own):
+            dances[j, number[m]] = places[m, j]
+        for w in range(motifs.shape[1]):
+            if motifs[j, w] >= 0 and counts.shape[1]:
+                sums[j, motifs[j, w]] += 1
+    return best, parent, turns_rad, usages_s, dances, sums
 
 
 @njit()
-def _front_costs(
-    i: int, before: Any, nodes: Any, weight: Any, constants: Any, costs: Any
-) -> None:  # pragma: no cover - compiled
-    """Write the weighted `turned_cost` of going from beginning `i` to each node to `costs` (N,).
+def _vectorised_costs(
+    i: int, first: int, stop: int, weights: Any, turn_rad: Any, end_rad: Any, next_part: Any, usage_s: Any,
+    seen_danced: Any, starts: Any, part: Any, series: Any, take: Any, rest_s: Any, places: Any,
+    is_return: Any, form_weight: Any, constants: Any, form: Any, total: Any,
+) -> None:  # fmt: skip  # pragma: no cover - compiled
+    """Write the costs of going from beginning `i` to some nodes, without those of words, to `total` (N,).
 
-    It has no branches, so that several nodes are evaluated by one instruction.
+    The loops have no branches, so that several nodes are evaluated by one instruction. The first one is
+    `turned_cost`.
     """
-    angles, next_part, of_starts, part, series = before[0], before[1][i], nodes[1], nodes[2], nodes[3]
-    constant, steer_cos, steer_sin = constants[0], constants[2], constants[3]
-    turn_cos, turn_sin, end_cos, end_sin = angles[0, i], angles[1, i], angles[2, i], angles[3, i]
-    for j in range(len(costs)):
-        joined_cos = end_cos * of_starts[0, j] + end_sin * of_starts[1, j]
-        joined_sin = end_sin * of_starts[0, j] - end_cos * of_starts[1, j]
+    constant, steer_cos, steer_sin, continued = constants[0], constants[2], constants[3], next_part[i]
+    turn_cos, turn_sin, end = np.cos(turn_rad[i]), np.sin(turn_rad[i]), turn_rad[i] + end_rad[i]
+    end_cos, end_sin = np.cos(end), np.sin(end)
+    for j in range(first, stop):
+        joined_cos = end_cos * starts[0, j] + end_sin * starts[1, j]
+        joined_sin = end_sin * starts[0, j] - end_cos * starts[1, j]
         side = steer_sin if joined_sin >= 0 else -steer_sin
-        is_turned, continues = joined_cos < steer_cos, next_part == part[j]
+        is_turned, continues = joined_cos < steer_cos, continued == part[j]
         cosine = joined_cos * steer_cos + joined_sin * side if is_turned else 1.0
         sine = joined_sin * steer_cos - joined_cos * side if is_turned else 0.0
         rotated = TURNED_TAKE * max(1.0 - cosine, 0.0)
@@ -193,40 +178,21 @@ def _front_costs(
         rotated = 0.0 if continues else rotated
         cost = constant + series[0, j] * cosine + series[1, j] * sine
         cost += series[2, j] * (2.0 * cosine * cosine - 1.0) + series[3, j] * (2.0 * sine * cosine)
-        costs[j] = weight * np.float32(max(cost, 0.0) + rotated)
-
-
-@njit()
-def _of_edge(
-    i: int, j: int, before: Any, nodes: Any, weights: Any, rest_usage_s: Any, step_cost: Any, constants: Any
-) -> Any:  # pragma: no cover - compiled
-    """The costs of going from beginning `i` to node `j`."""
-    angles, next_part, usage_s = before[0], before[1], before[2]
-    take, of_starts, part, series = nodes[0], nodes[1], nodes[2], nodes[3]
-    total = np.float32(0.0)
-    if weights[0] != 0.0:
-        front = turned_cost(
-            next_part[i] == part[j], (angles[0, i], angles[1, i]), (angles[2, i], angles[3, i]),
-            (of_starts[0, j], of_starts[1, j]), (constants[2], constants[3]),
-            (series[0, j], series[1, j], series[2, j], series[3, j]), constants[0], TURNED_TAKE,
-        )  # fmt: skip
-        total += weights[0] * np.float32(front)
+        total[j] = weights[0] * np.float32(max(cost, 0.0) + rotated)
     if weights[1] != 0.0 and usage_s.shape[1] > 0:
-        total += weights[1] * ((usage_s[i, take[j]] + rest_usage_s[take[j]]) * PER_USAGE)
-    return _with_looked_up(total, i, j, before, nodes, weights, step_cost)
-
-
-@njit(inline="always")
-def _with_looked_up(
-    total: Any, i: int, j: int, before: Any, nodes: Any, weights: Any, step_cost: Any
-) -> Any:  # pragma: no cover - compiled
-    """The costs of front and variety of an edge with those of form and signature."""
-    places, is_return, form_weight, motifs, repeats = nodes[4], nodes[5], nodes[6], nodes[7], nodes[8]
-    if weights[2] != 0.0:
-        total += weights[2] * form_of(i, j, before[3], places, is_return, form_weight)
-    if weights[3] != 0.0:
-        total += weights[3] * words_of(i, j, before[4], motifs, repeats, step_cost)
-    return total
+        for j in range(first, stop):
+            total[j] += weights[1] * ((usage_s[i, take[j]] + rest_s[j]) * PER_USAGE)
+    if weights[2] != 0.0 and len(form_weight):
+        for j in range(first, stop):
+            form[j] = np.float32(0.0)
+        for m in range(len(form_weight)):
+            danced, returns, weight = seen_danced[i, m], is_return[m], form_weight[m]
+            for j in range(first, stop):
+                away = abs(danced - places[m, j])
+                wrong = away > SAME_FRAMES if returns else away <= SAME_FRAMES
+                form[j] += weight if wrong else np.float32(0.0)
+        for j in range(first, stop):
+            total[j] += weights[2] * form[j]
 
 
 @njit(inline="always")
