@@ -1,14 +1,14 @@
 """Analyses of songs, kept in the user's cache, so that another dance to a song does not analyse it again.
 
-The motifs of spans of takes are kept in another folder, since most spans of two dances are the same.
+The motifs of spans of takes are kept in another folder, since most spans of two dances are the same. In a
+third one are checksums of the samples of files, so that a file of which all is known is not decoded again.
 
-An entry of `core.kept` depends on the samples, the repertoire, the options, and the program itself. It holds
-arrays and JSON, and nothing that is executed.
+An entry of `core.kept` depends on the content of the file or the samples, the repertoire, the options, and
+the program itself. It holds arrays and JSON, and nothing that is executed.
 """
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
 import logging
@@ -22,23 +22,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
-from choreograph.core.files import cache_folder, sha256_of
-from choreograph.core.kept import KeptEntries, program
+from choreograph.core.files import as_path, cache_folder, sha256_of
+from choreograph.core.kept import KeptEntries, libraries, program
 from choreograph.core.numerics import Floats, digest
 from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker
 from choreograph.music.form import Form, Phrase, Sections
-from choreograph.music.song import Song
+from choreograph.music.song import KnownSong, Song, as_song, check_song_file
 from choreograph.music.song_features import SongFeatures
 
 Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
 Array = NDArray[np.float32]
 
 MAX_BYTES = 64 << 20  # of all entries: about 600 songs of three minutes
+_MAX_SONG_BYTES = 4 << 20  # of the checksums of samples
 _ARRAYS = ("style", "beat_count", "density", "energy", "onset_density")
 _NUMBERS = ("duration_s", "opening_s", "closing_s", "off_beat")
 _log = logging.getLogger("choreograph")
+
+
+def kept_song(path: str | Path, *, start_s: float, duration_s: float | None) -> Song:
+    """As `as_song` of a file. If the same content was decoded before, it is decoded when samples are used."""
+
+    def decode() -> Song:
+        return as_song("a song", path, start_s=start_s, duration_s=duration_s)
+
+    check_song_file(as_path("a song", path))
+    folder, _ = cache_folder("songs")
+    if folder is None:
+        return decode()
+    entries = KeptEntries(folder, _MAX_SONG_BYTES, ".json")
+    key = digest(program(), libraries(), Path(path).stem, sha256_of(path), start_s, duration_s)
+    content = entries.read(key)
+    if content is None:
+        song = decode()
+        about = {
+            "notes": song.notes, "n_samples": len(song.samples), "sha256": song.samples_sha256.hex(),
+        }  # fmt: skip
+        entries.write(key, json.dumps(about).encode())
+        return song
+    about = json.loads(content)
+    return KnownSong(
+        decode, Path(path), tuple(about["notes"]), start_s, about["n_samples"], bytes.fromhex(about["sha256"])
+    )
 
 
 def kept_analysis(
@@ -47,7 +74,7 @@ def kept_analysis(
     """The analysis of a song from the cache. If there is none, it is made by `analyse` and written there."""
     key = digest(
         *(program(), repertoire.analysis_digest),
-        *(song.name, song.notes, song.start_s, tracker_digest(beats), genre, _sha256(song.samples)),
+        *(song.name, song.notes, song.start_s, tracker_digest(beats), genre, song.samples_sha256),
     )
     return from_bytes(_kept(key, lambda: to_bytes(analyse())))  # also what was just made, as it is read later
 
@@ -60,7 +87,7 @@ def kept_rows(song: Song, name: str, times_s: Floats, make: Callable[[], Array])
         np.save(content, make())
         return content.getvalue()
 
-    key = digest(program(), name, times_s, _sha256(song.samples))
+    key = digest(program(), name, times_s, song.samples_sha256)
     rows: Array = np.load(io.BytesIO(_kept(key, written)), allow_pickle=False)
     return rows
 
@@ -105,11 +132,6 @@ def _state(path: Path) -> tuple[int, int]:
     except OSError:
         return 0, 0
     return status.st_mtime_ns, status.st_size
-
-
-def _sha256(samples: Array) -> bytes:
-    """A checksum of samples, which takes half the time of `digest`."""
-    return hashlib.sha256(np.ascontiguousarray(samples).data).digest()
 
 
 def _kept(key: bytes, make: Callable[[], bytes]) -> bytes:

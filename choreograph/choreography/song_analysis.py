@@ -77,7 +77,7 @@ def analyse_song(
 
     analysis = memory.value(
         lambda: kept_analysis(song, repertoire, beats, genre, analyse) if keep else analyse(),
-        "analysis", song.samples, song.name, song.notes, song.start_s, tracker_digest(beats), genre,
+        "analysis", song.samples_sha256, song.name, song.notes, song.start_s, tracker_digest(beats), genre,
     )  # fmt: skip
     if report is not None:
         report(_STEPS, _STEPS)

@@ -78,14 +78,16 @@ def examples(*lines: str) -> str:
 
 
 class Stages:
-    """A progress bar for each stage."""
+    """A progress bar for each stage, or nothing without `progress`."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: Progress | None) -> None:
         self._progress = progress
         self._bars: dict[str, Any] = {}
 
     def report(self, stage: str, done: int, total: int, detail: str = "") -> None:
         """Move the bar of a stage to `done` of `total`, which is 0 if it is not known."""
+        if self._progress is None:
+            return
         if stage not in self._bars:
             self._bars[stage] = self._progress.add_task(stage, total=total or None, detail="")
         self._progress.update(
@@ -108,6 +110,9 @@ class StageLines:
 @contextmanager
 def stages(*, quiet: bool) -> Iterator[Stages]:
     """Show progress on stderr while the block runs, or nothing if `quiet`, or if stderr is no terminal."""
+    if quiet:
+        yield Stages(None)
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -116,7 +121,7 @@ def stages(*, quiet: bool) -> Iterator[Stages]:
         TextColumn("{task.description:<24}"), BarColumn(), TextColumn("{task.completed:.0f}/{task.total}"),
         TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[detail]}", markup=False),
     )  # fmt: skip
-    is_shown = console.is_terminal and not quiet
+    is_shown = console.is_terminal
     progress = Progress(*columns, console=console, disable=not is_shown)
     # Not even a disabled one is started: older versions of rich end it with a blank line.
     with progress if is_shown else nullcontext():

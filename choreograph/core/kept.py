@@ -131,7 +131,7 @@ def program() -> list[str]:
 
 
 @lru_cache(maxsize=1)
-def _libraries() -> list[str]:
+def libraries() -> list[str]:
     """The versions of all packages that the program may use."""
     found = []
     for name in sorted({re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in requires(PACKAGE) or ()}):
@@ -194,7 +194,7 @@ def key_of(function: Callable[..., Any], *values: object) -> bytes | None:
     if not given.func.__module__.startswith(f"{PACKAGE}."):
         return None
     named = given.func.__module__, given.func.__qualname__, given.args, given.keywords
-    return digest(program(), _libraries(), *named, *values)
+    return digest(program(), libraries(), *named, *values)
 
 
 _kept: ContextVar[KeptResults | None] = ContextVar("kept", default=None)

@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
+from choreograph.core.filters import gaussian_filter, maximum_filter
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -167,10 +168,7 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is not below `amount` anywhere, up to the tails of its smoothing."""
     if not amount.any():
         return amount
-    cover: Floats = scipy.ndimage.gaussian_filter1d(
-        scipy.ndimage.maximum_filter1d(amount, 2 * ease + 1), ease / 2.0, mode="nearest"
-    )
-    return cover
+    return gaussian_filter(maximum_filter(amount, 2 * ease + 1), ease / 2.0)
 
 
 def move_leg(

@@ -108,20 +108,23 @@ def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
 
 def from_rotvec(rotvec: Floats) -> Floats:
     """Quaternions (..., 4) of rotation vectors (..., 3) in radians."""
-    flat = scipy.spatial.transform.Rotation.from_rotvec(np.reshape(rotvec, (-1, 3))).as_quat(
-        scalar_first=True
-    )
-    quat: Floats = flat.reshape(*rotvec.shape[:-1], 4)
-    return quat
+    rows = np.ascontiguousarray(rotvec, np.float64).reshape(-1, 3)
+    quat = np.empty((len(rows), 4))
+    _fastest(_from_rotvec, len(rows))(rows, quat)
+    return quat.reshape(*rotvec.shape[:-1], 4)
 
 
 def to_rotvec(quat: Floats) -> Floats:
-    """Rotation vectors (..., 3) in radians, with angles of at most π, of quaternions (..., 4)."""
-    flat = scipy.spatial.transform.Rotation.from_quat(
-        np.reshape(quat, (-1, 4)), scalar_first=True
-    ).as_rotvec()
-    rotvec: Floats = flat.reshape(*quat.shape[:-1], 3)
-    return rotvec
+    """Rotation vectors (..., 3) in radians, with angles of at most π, of quaternions (..., 4).
+
+    Raises `ValueError` for a quaternion of length 0.
+    """
+    rows = np.ascontiguousarray(quat, np.float64).reshape(-1, 4)
+    if not rows.any(axis=1).all():
+        raise ValueError("expected quaternions of unit length, got one of length 0")
+    rotvec = np.empty((len(rows), 3))
+    _fastest(_to_rotvec, len(rows))(rows, rotvec)
+    return rotvec.reshape(*quat.shape[:-1], 3)
 
 
 def from_matrix(matrix: Floats) -> Floats:
@@ -151,9 +154,13 @@ def from_euler(order: str, angles: Floats) -> Floats:
 
 def to_euler(order: str, quat: Floats) -> Floats:
     """Intrinsic Euler angles (..., 3) in radians. In gimbal lock the third angle is zero."""
-    flat = scipy.spatial.transform.Rotation.from_quat(np.reshape(quat, (-1, 4)), scalar_first=True)
-    angles: Floats = flat.as_euler(order.upper(), suppress_warnings=True).reshape(*quat.shape[:-1], 3)
-    return angles
+    i, j, k = ("XYZ".index(axis) for axis in order.upper())
+    if len({i, j, k}) < 3:
+        raise ValueError(f"expected an order of X, Y and Z, got {order!r}")
+    rows = np.ascontiguousarray(quat, np.float64).reshape(-1, 4)
+    angles = np.empty((len(rows), 3))
+    _fastest(_to_euler, len(rows))(rows, np.array([i, j, k]), angles)
+    return angles.reshape(*quat.shape[:-1], 3)
 
 
 def between(source: Floats, target: Floats) -> Floats:
@@ -201,6 +208,9 @@ def yaw(quat: Floats) -> Floats:
 
 
 _MANY = 2048  # quaternions, for which it takes less time to load a kernel than to do without it
+_SOME = 64  # the same, of kernels that are run by Python otherwise
+_LOCKED_RAD = 1e-7  # of gimbal lock
+_SMALL_RAD = 1e-3  # angles up to which a series is used, as scipy does
 
 
 @lru_cache
@@ -209,6 +219,11 @@ def compiled(kernel: Callable[..., None]) -> Callable[..., None]:
     from choreograph.core.kernel_cache import njit
 
     return njit(nogil=True)(kernel)
+
+
+def _fastest(kernel: Callable[..., None], n_rows: int) -> Callable[..., None]:
+    """The kernel, compiled if there are many rows. The numbers are the same."""
+    return compiled(kernel) if n_rows > _SOME else kernel
 
 
 def _is_compiled(quat: Floats) -> bool:
@@ -255,3 +270,65 @@ def _make_continuous(quat: Any, out: Any) -> None:  # pragma: no cover - compile
             for k in range(4):
                 before[j, k] = quat[t, j, k]
                 out[t, j, k] = sign[j] * before[j, k]
+
+
+def _to_rotvec(quat: Any, rotvec: Any) -> None:  # pragma: no cover - compiled
+    """Set `rotvec` (N, 3) to the rotation vectors of quaternions (N, 4), as scipy does."""
+    for n in range(len(quat)):
+        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
+        w, x, y, z = w / norm, x / norm, y / norm, z / norm
+        if w < 0.0 or (w == 0.0 and (x < 0.0 or (x == 0.0 and (y < 0.0 or (y == 0.0 and z < 0.0))))):
+            w, x, y, z = -w, -x, -y, -z
+        angle = 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), w)
+        if angle <= _SMALL_RAD:
+            squared = angle * angle
+            scale = 2.0 + squared / 12.0 + 7.0 * squared * squared / 2880.0
+        else:
+            scale = angle / math.sin(angle / 2.0)
+        rotvec[n, 0], rotvec[n, 1], rotvec[n, 2] = scale * x, scale * y, scale * z
+
+
+def _from_rotvec(rotvec: Any, quat: Any) -> None:  # pragma: no cover - compiled
+    """Set `quat` (N, 4) to the quaternions of rotation vectors (N, 3), as scipy does."""
+    for n in range(len(rotvec)):
+        x, y, z = rotvec[n, 0], rotvec[n, 1], rotvec[n, 2]
+        angle = math.sqrt(x * x + y * y + z * z)
+        if angle <= _SMALL_RAD:
+            squared = angle * angle
+            scale = 0.5 - squared / 48.0 + squared * squared / 3840.0
+        else:
+            scale = math.sin(angle / 2.0) / angle
+        quat[n, 0] = math.cos(angle / 2.0)
+        quat[n, 1], quat[n, 2], quat[n, 3] = scale * x, scale * y, scale * z
+
+
+def _to_euler(quat: Any, axes: Any, angles: Any) -> None:  # pragma: no cover - compiled
+    """Set `angles` (N, 3) to the intrinsic Euler angles of quaternions (N, 4), as scipy does.
+
+    Bernardes and Viollet, Quaternion to Euler angles conversion: A direct, general and computationally
+    efficient method (2022), in which the `axes` (3,) are those of rotations about fixed axes, the last first.
+    """
+    k, j, i = axes[0], axes[1], axes[2]
+    sign = ((i - j) * (j - k) * (k - i)) // 2
+    for n in range(len(quat)):
+        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
+        norm = math.sqrt(x * x + y * y + z * z + w * w)
+        w = w / norm
+        at_i, at_j, at_k = quat[n, 1 + i] / norm, quat[n, 1 + j] / norm, quat[n, 1 + k] / norm
+        a, b = w - at_j, at_i + at_k * sign
+        c, d = at_j + w, at_k * sign - at_i
+        second = 2.0 * math.atan2(math.hypot(c, d), math.hypot(a, b))
+        half_sum, half_difference = math.atan2(b, a), math.atan2(d, c)
+        if abs(second) <= _LOCKED_RAD:
+            first, third = 2.0 * half_sum, 0.0
+        elif abs(second - math.pi) <= _LOCKED_RAD:
+            first, third = 2.0 * half_difference, 0.0
+        else:
+            first, third = half_sum + half_difference, (half_sum - half_difference)
+        angles[n, 0], angles[n, 1], angles[n, 2] = first * sign, second - math.pi / 2.0, third
+        for m in range(3):
+            if angles[n, m] < -math.pi:
+                angles[n, m] += 2.0 * math.pi
+            elif angles[n, m] > math.pi:
+                angles[n, m] -= 2.0 * math.pi

@@ -283,7 +283,7 @@ def dance_with(
         config = replace(config, fps=known.motion.fps)
     engine = engines()[config.engine]
     engine.check(repertoire, config, requested, costs)
-    loaded = part_of(song, start_s, duration_s, known.plan if known else None)
+    loaded = part_of(song, start_s, duration_s, known.plan if known else None, keep=config.cache)
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
     with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):

@@ -134,7 +134,7 @@ def as_dance(existing: object, repertoire: Repertoire, song: str | Path | Song |
         raise ParameterError(
             f"expected the song of {known.name} for its counts, got none: give it, or the plan of the dance"
         )
-    loaded = part_of(song, None, known.motion.duration_s, None)
+    loaded = part_of(song, None, known.motion.duration_s, None, keep=False)
     features, _ = analyse_song(loaded, repertoire)
     return Dance(known.motion, kept_file_plan(known, features, loaded, repertoire), song_path=loaded.path)
 

@@ -11,6 +11,7 @@ import numpy as np
 from choreograph.choreography.constraints import Constraints, Keep
 from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
+from choreograph.choreography.kept_analysis import kept_song
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints, check_pins_in_gaps, kept_dance
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import substage
@@ -89,8 +90,13 @@ def _read_motion(path: Path, otherwise: str) -> Motion:
     )
 
 
-def part_of(song: object, start_s: float | None, duration_s: float | None, existing: Plan | None) -> Song:
-    """The part of a song to dance to. Without start or length, it is that of an existing dance's plan."""
+def part_of(
+    song: object, start_s: float | None, duration_s: float | None, existing: Plan | None, *, keep: bool
+) -> Song:
+    """The part of a song to dance to. Without start or length, it is that of an existing dance's plan.
+
+    With `keep`, a file is decoded only if its samples are needed (`kept_song`).
+    """
     begins_s = song.start_s if isinstance(song, Song) else 0.0
     if existing is not None and start_s is None:
         start_s = existing.start_s - begins_s
@@ -101,6 +107,8 @@ def part_of(song: object, start_s: float | None, duration_s: float | None, exist
             )
     if existing is not None and duration_s is None:
         duration_s = existing.duration_s
+    if keep and isinstance(song, str | Path):
+        return kept_song(song, start_s=start_s or 0.0, duration_s=duration_s)
     return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 

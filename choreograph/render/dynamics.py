@@ -11,8 +11,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
+from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
 from choreograph.core.timebase import NET_FPS, frame_times_s
 from choreograph.motion import rotations as rot
@@ -88,8 +88,7 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
 
 def _smooth(values: Floats, fps: float) -> Floats:
     """Values (T, ...) averaged in time."""
-    averaged: Floats = scipy.ndimage.gaussian_filter1d(values, _MEAN_POSE_S * fps, axis=0, mode="nearest")
-    return averaged
+    return gaussian_filter(values, _MEAN_POSE_S * fps)
 
 
 def _scaled_path(root_pos_m: Floats, scale: Floats, fps: float) -> Floats:

@@ -93,6 +93,7 @@ def render(
     if not isinstance(repertoire, Repertoire):
         raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
     check_function("report", report)
+    plan.check()
     return render_planned(plan, repertoire, existing=existing, report=report)
 
 
@@ -104,8 +105,10 @@ def render_planned(
     existing: Motion | None = None,
     report: StepReport | None = None,
 ) -> Motion:
-    """As `render`, with a memory of this repertoire, for parts of takes and for motions of the same steps."""
-    plan.check()
+    """As `render` of a valid plan, with a memory of this repertoire.
+
+    In the memory are parts of takes and motions of the same steps.
+    """
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
     if existing is not None:

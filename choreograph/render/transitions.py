@@ -8,8 +8,8 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import scipy
 
+from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import NO_MEMORY, Floats, Memory
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
@@ -214,7 +214,7 @@ class Joins:
         for first, feet_m in self.feet_m:
             rows = of_takes[first : first + len(feet_m)]
             rows[:] = np.maximum(rows, contacts_above(feet_m, floor_m, motion.fps)[: len(rows)])
-        of_takes = scipy.ndimage.gaussian_filter1d(of_takes, _CONTACT_EASE_S * motion.fps, axis=0)
+        of_takes = gaussian_filter(of_takes, _CONTACT_EASE_S * motion.fps, "reflect")
         times_s = frame_times_s(motion.n_frames, motion.fps)
         of_takes[(times_s < from_s) | (times_s > to_s)] = 0.0
         contacts: Floats = np.maximum(foot_contacts(body_m, motion.fps), of_takes).clip(0.0, 1.0)

@@ -69,6 +69,7 @@ class StepDances:
             known, motion = parent, self._motions.get(parent.number)
         if motion is None:
             rendering = substage(report, "rendering")
+            plan.check()
             base = replace(plan, edits=())
             motion = render_planned(base, repertoire, self.memory_of(repertoire), report=rendering)
             todo = list(step.edits)

@@ -55,6 +55,37 @@ def test_round_trips(seed, shape):
         assert same(rot.from_euler(order, rot.to_euler(order, q)), q, atol=1e-7)
 
 
+@pytest.mark.parametrize("n_rows", [8, 4000])  # not compiled, and compiled
+def test_vectors_and_angles_are_those_of_scipy_to_rounding(n_rows):
+    rng = np.random.default_rng(n_rows)
+    q = rng.normal(size=(n_rows, 4))
+    q[:6] = [[1, 0, 0, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, -2], [1, 1e-5, 0, 0], [-1, 0, 1e-4, 2e-4]]
+    theirs = Rotation.from_quat(q, scalar_first=True)
+    np.testing.assert_allclose(rot.to_rotvec(q), theirs.as_rotvec(), rtol=0, atol=1e-14)
+    vectors = theirs.as_rotvec() * rng.random((n_rows, 1))
+    of_vectors = Rotation.from_rotvec(vectors).as_quat(scalar_first=True)
+    np.testing.assert_allclose(rot.from_rotvec(vectors), of_vectors, rtol=0, atol=1e-15)
+    for order in ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"):
+        angles = rng.uniform(-3.0, 3.0, (n_rows, 3))
+        angles[::4, 1], angles[1::4, 1] = np.pi / 2, -np.pi / 2  # gimbal lock
+        for of in (theirs, Rotation.from_euler(order, angles)):
+            expected = of.as_euler(order, suppress_warnings=True)
+            found = rot.to_euler(order, of.as_quat(scalar_first=True))
+            away = (found - expected + np.pi) % (2 * np.pi) - np.pi  # -π and π are the same
+            np.testing.assert_allclose(away, 0.0, rtol=0, atol=2e-13)
+
+
+@pytest.mark.parametrize("order", ["XYX", "XXY", "ZYY"])
+def test_orders_that_repeat_an_axis_are_refused(order):
+    with pytest.raises(ValueError, match=order):
+        rot.to_euler(order, rot.IDENTITY)
+
+
+def test_a_quaternion_of_length_0_is_refused():
+    with pytest.raises(ValueError, match="length 0"):
+        rot.to_rotvec(np.zeros((3, 4)))
+
+
 def test_euler_angles_are_intrinsic():
     angles = np.array([0.3, -0.4, 0.7])
     one_by_one = rot.from_rotvec(np.diag(angles)[[0, 1, 2]])

@@ -83,7 +83,7 @@ class Steps:
         """
         edges = self._edges(layer, following)
         best, parent = np.full(following.n_nodes, np.inf), np.zeros(following.n_nodes, np.int64)
-        here, there = layer.successors_in(following)
+        here, there = edges.successors
         best[there] = reached[here] + edges.of_pairs(here, there)
         parent[there] = here
         order = np.argsort(reached, kind="stable")
@@ -148,6 +148,7 @@ class _Edges:
             costs,
             song_features,
         )
+        self.successors = layer.successors_in(following)
 
     def of_pairs(self, here: AnyInts, there: AnyInts) -> F32:
         """The costs (M,) of the edges from nodes `here` (M,) to nodes `there` (M,)."""
@@ -275,7 +276,7 @@ class _CompiledEdges(_Edges):
         angles = _angles(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
         danced = np.ascontiguousarray(layer.danced[:, after.number])
         self._stay = np.ones(following.n_nodes, np.float32)
-        here, there = layer.successors_in(following)
+        here, there = self.successors
         self._stay[there] = Completeness().staying(layer, following, here, there)
         usage_s = np.ascontiguousarray(layer.take_usage_s)
         self._arguments = (

@@ -88,7 +88,8 @@ def extended(
             rest_s[j] = rest_usage_s[take[j]]
     series, places = series.T.copy(), places.T.copy()
     form, total, low = np.empty(n_b, np.float32), np.empty(n_b, np.float32), np.empty(n_b)
-    order, left, has_words = np.empty(n_a, np.int64), np.empty(n_a), weights[3] != 0.0
+    order: Any = np.empty(n_a, np.int64)
+    left, has_words = np.empty(n_a), weights[3] != 0.0
     for i in range(n_a):
         left[i] = reached[i]
         if path_node >= 0:

@@ -110,8 +110,11 @@ def warp_segments(
         return memory.value_from_last(from_last, inputs, clip[second])
 
     all_arrays: list[NDArray[Any]] = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for second, warped in enumerate(pool.map(warp, range(n_seconds))):
+    # Alignment by counts is many short steps of NumPy, which threads would slow down.
+    n_threads = 1 if counted is not None else os.cpu_count()
+    with ThreadPoolExecutor(n_threads) as pool:
+        each_second = map if n_threads == 1 else pool.map
+        for second, warped in enumerate(each_second(warp, range(n_seconds))):
             of_second = [getattr(warped, field.name) for field in fields(Segments)]
             all_arrays = all_arrays or [np.empty((n_seconds, *a.shape), a.dtype) for a in of_second]
             for stored, array in zip(all_arrays, of_second, strict=True):

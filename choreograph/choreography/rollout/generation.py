@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.kept_analysis import kept_rows
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import ParameterError
+from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
@@ -229,10 +229,8 @@ def _on_stage(
 
     The heading that is steered to the front is the mean of the next two seconds, so that figures may turn.
     """
-    rows = scipy.ndimage.gaussian_filter1d(
-        poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest"
-    )
-    rows[:, 3] = scipy.ndimage.gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
+    rows = gaussian_filter(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS)
+    rows[:, 3] = gaussian_filter(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS)
     rows[0, 3] = 0.0
     bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
     position, heading = np.zeros(3), 0.0  # of the frame before the word
