@@ -35,6 +35,7 @@ from torch import Tensor, nn
 from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import atomic_path, writing
+from choreograph.nets.adamw import AdamW
 from choreograph.nets.configs import DEVICES
 from choreograph.nets.processes import (
     agreed,
@@ -127,12 +128,10 @@ def train(
         context=TrainingContext(device=context.device, precision=context.precision),
     )  # fmt: skip
     module.to(device).train()
-    optimizer = torch.optim.AdamW(module.parameters(), lr=learning_rate, weight_decay=weight_decay)
-    factor = (lambda step: 1.0) if schedule == "constant" else lambda step: _cosine_factor(step, n_steps)
-    rate = torch.optim.lr_scheduler.LambdaLR(optimizer, factor)
+    optimizer = AdamW(module.parameters(), weight_decay)
     # The round trip through JSON turns tuples into lists, as in the checkpoint.
     expected = json.loads(json.dumps({**context.content, **configuration, "seed": seed, "steps": n_steps}))
-    run = _Run(name, n_steps, module, optimizer, rate, expected, context)
+    run = _Run(name, n_steps, module, optimizer, expected, context)
     run.restore_or_start()
     own_seed = seed * _SEED_STRIDE + process_index() * _PROCESS_STRIDE
     with forked_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
@@ -144,8 +143,8 @@ def train(
                 optimizer.zero_grad()
                 torch.autograd.backward(value)
                 average_gradients(module)
-                optimizer.step()
-                rate.step()
+                factor = 1.0 if schedule == "constant" else _cosine_factor(run.step, n_steps)
+                optimizer.step(learning_rate * factor)
                 mean, is_interrupted = agreed(float(value.detach()), interrupted())
                 run.advance(mean)
                 if is_interrupted:
@@ -237,13 +236,12 @@ class _Run:
         name: str,
         n_steps: int,
         module: nn.Module,
-        optimizer: torch.optim.Optimizer,
-        schedule: torch.optim.lr_scheduler.LRScheduler,
+        optimizer: AdamW,
         configuration: Mapping[str, Any],
         context: TrainingContext,
     ) -> None:
         self.name, self.n_steps, self.context, self.configuration = name, n_steps, context, configuration
-        self.parts: dict[str, Any] = {"module": module, "optimizer": optimizer, "schedule": schedule}
+        self.parts: dict[str, Any] = {"module": module, "optimizer": optimizer}
         self.step = 0
         self.loss = float("nan")
         self._recent: list[float] = []
