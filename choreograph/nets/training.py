@@ -137,7 +137,7 @@ def train(
     with forked_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
         try:
             while run.step < n_steps:
-                torch.manual_seed((own_seed + run.step) % 2**63)
+                _seed_torch((own_seed + run.step) % 2**63, device)
                 with torch.autocast(device.type, torch.bfloat16, enabled=context.precision == "bfloat16"):
                     value = loss(np.random.default_rng([seed, run.step]), device)
                 optimizer.zero_grad()
@@ -154,6 +154,13 @@ def train(
             raise KeyboardInterrupt from None
     module.to("cpu").eval()
     return run.loss
+
+
+def _seed_torch(seed: int, device: torch.device) -> None:
+    """Seed the generators of a step. Without CUDA, `torch.manual_seed` formats a traceback at each call."""
+    torch.default_generator.manual_seed(seed)
+    if device.type == "cuda":
+        torch.cuda.manual_seed_all(seed)
 
 
 def steps_of_epochs(epochs: int, n_examples: float, batch_size: int) -> int:
