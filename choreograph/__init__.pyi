@@ -4,6 +4,8 @@ from .choreography.constraints import Ban as Ban
 from .choreography.constraints import Keep as Keep
 from .choreography.constraints import MotifPin as MotifPin
 from .choreography.constraints import TakePin as TakePin
+from .choreography.edits import Hold as Hold
+from .choreography.edits import MoveJoin as MoveJoin
 from .choreography.edits import Repeat as Repeat
 from .choreography.edits import Swap as Swap
 from .choreography.edits import Vary as Vary
@@ -66,10 +68,12 @@ __all__ = [
     "DanceConfig",
     "FormatError",
     "GltfCharacter",
+    "Hold",
     "Keep",
     "Layer",
     "MotifPin",
     "Motion",
+    "MoveJoin",
     "NoPathError",
     "ParameterError",
     "Plan",

@@ -48,11 +48,16 @@ class PlannedWord:
     motif: int  # the planned motif, or 0 where it is not known
     take: str  # empty if a network dances it, or if it is kept from another dance
     source_start_s: float  # in the take
-    source_end_s: float  # in the take
+    source_end_s: float  # in the take. In an edit, it may be the start, and the pose is then held
     credits: Credits  # of the take
     pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
     kept: str = ""  # the motion file that this is a part of, if it is one. Source times are then of this file
     mirrored: bool = False  # danced with left and right exchanged
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the pose at its start is held until its end."""
+        return bool(self.take) and self.source_start_s == self.source_end_s
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,15 @@ def _unreplaced(block: Block, words: Sequence[PlannedWord]) -> Iterator[Block]:
         start_s = max(start_s, cover[1])
 
 
+JUMP_S = 0.1  # of the time in a take, above which a take does not simply go on
+
+
+def goes_on(one: Block, after: Block, *, jump_s: float = JUMP_S) -> bool:
+    """Whether a block continues the take of the block before it, from less than `jump_s` later or earlier."""
+    same = one.source == after.source and one.mirrored == after.mirrored
+    return same and abs(after.source_start_s - one.source_end_s) < jump_s
+
+
 _SHORTEST_PART_S = 0.15  # a part of a take between two others would be one long transition
 
 
@@ -145,10 +159,18 @@ def words_between(
 ) -> tuple[PlannedWord, ...]:
     """The part of a dance from one time to another as words, which also end at the times `cuts_s`.
 
-    The blocks are in order, without gaps. Where only the end of a block is left, its neighbour goes on.
+    The blocks are in order, without gaps. Where only the end of a block is left, its neighbour goes on, unless
+    both are one part of a take.
     """
     inside = [b for b in blocks if b.end_s > start_s and b.start_s < end_s]
-    long = [b for b in inside if min(b.end_s, end_s) - max(b.start_s, start_s) >= _SHORTEST_PART_S]
+    is_long = [min(b.end_s, end_s) - max(b.start_s, start_s) >= _SHORTEST_PART_S for b in inside]
+    joined = [goes_on(*pair, jump_s=TOUCH_S) for pair in pairwise(inside)]
+    before, after = [False, *joined], [*joined, False]  # whether a block goes on from or to its neighbour
+    long = [
+        block
+        for i, block in enumerate(inside)
+        if is_long[i] or (before[i] and is_long[i - 1]) or (after[i] and is_long[i + 1])
+    ]
     danced = long or inside[:1]
     borders_s = [start_s, *(block.start_s for block in danced[1:]), end_s]
     words = []
@@ -168,18 +190,32 @@ def _as_word(block: Block, start_s: float, end_s: float) -> PlannedWord:
     return PlannedWord(start_s, end_s, 0, planned.take, first_s, last_s, planned.credits)
 
 
+def held_spans_s(words: Sequence[PlannedWord]) -> list[tuple[float, float]]:
+    """The times from and until which poses are held, of words in order of time."""
+    spans_s: list[tuple[float, float]] = []
+    for word in words:
+        if not word.is_held:
+            continue
+        if spans_s and word.start_s - spans_s[-1][1] < TOUCH_S:
+            spans_s[-1] = spans_s[-1][0], word.end_s
+        else:
+            spans_s.append((word.start_s, word.end_s))
+    return spans_s
+
+
 # Faults of words and edits in a file, one line each.
 
 
-def faults_of_word(word: PlannedWord, *, networks: bool) -> Iterator[str]:
-    """The faults of one word. Only `networks` dance without takes."""
+def faults_of_word(word: PlannedWord, *, networks: bool, may_hold: bool = False) -> Iterator[str]:
+    """The faults of one word. Only `networks` dance without takes, and only edits may hold a pose."""
     if not word.start_s < word.end_s:
         yield f"expected an end after its start, {word.start_s:g} s, got {word.end_s:g} s"
     if word.kept and word.take:
         yield f"expected no take where {word.kept} is kept, got {word.take!r}"
     if not (word.take or word.kept or networks):
         yield "expected a take to dance, got none"
-    if (word.take or word.kept) and not 0 <= word.source_start_s < word.source_end_s:
+    is_held = may_hold and word.is_held and word.source_start_s >= 0
+    if (word.take or word.kept) and not (is_held or 0 <= word.source_start_s < word.source_end_s):
         yield (
             f"expected 0 <= source_start_s < source_end_s, got {word.source_start_s:g} and "
             f"{word.source_end_s:g}"
@@ -197,7 +233,7 @@ def faults_of_edit(edit: PlannedEdit, duration_s: float) -> Iterator[str]:
     for word in edit.words:
         if abs(word.start_s - done_s) > TOUCH_S:
             yield f"expected a word from {done_s:g} s on, got one from {word.start_s:g} s on"
-        yield from faults_of_word(word, networks=True)
+        yield from faults_of_word(word, networks=True, may_hold=True)
         if word.kept:
             yield f"expected words of takes, got a part of {word.kept}"
         done_s = word.end_s

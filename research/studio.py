@@ -262,7 +262,7 @@ def hour(studio: Studio, n: int, rng: np.random.Generator) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--db", type=Path, default=None)
-    parser.add_argument("--seconds", type=float, nargs="+", default=[60.0, 180.0])
+    parser.add_argument("--seconds", type=float, nargs="*", default=[60.0, 180.0])
     parser.add_argument("--edits", type=int, default=100)
     parser.add_argument("--chains", type=int, default=100)
     parser.add_argument("--length", type=int, default=20)

@@ -201,6 +201,8 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "Song": sound(cg.Song, samples=np.zeros(100), name="quiet"),
         "Song.part": sound(t.song.part, start_s=0.5),
         "Swap": sound(cg.Swap, start_s=0.0, end_s=1.0),
+        "Hold": sound(cg.Hold, start_s=0.0, end_s=1.0),
+        "MoveJoin": sound(cg.MoveJoin, at_s=1.0, counts=-1),
         "Take": sound(cg.Take, **values_of(t.take)),
         "TakePin": sound(cg.TakePin, start_s=0.0, end_s=1.0, take="take0"),
         "Vary": sound(cg.Vary, start_s=0.0, end_s=1.0),

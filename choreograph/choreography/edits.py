@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from choreograph.choreography.constraints import Ban, Keep, MotifPin, Span, TakePin, check_times, parse_keep
-from choreograph.core.arguments import check_kind
+from choreograph.core.arguments import check_kind, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import one_line
@@ -106,7 +106,67 @@ class Repeat:
         return f"repeat {self.start_s:g}-{self.end_s:g}@{self.at_s:g}{mirror}"
 
 
-EditRequest = Swap | Vary | Repeat | MotifPin | TakePin | Ban
+@dataclass(frozen=True, repr=False)
+class Hold(Span):
+    """Hold the pose at a time of an existing dance until another time. The dancer breathes and sways.
+
+    Parameters
+    ----------
+    start_s, end_s : times in the dance, in seconds
+
+    Raises
+    ------
+    ParameterError   if a time is not a number
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=8)
+    >>> held = cg.edit(dance, [cg.Hold(start_s=4.0, end_s=6.0)])
+    >>> any(word.is_held for word in held.plan.edits[0].words)
+    True
+    """
+
+    def __str__(self) -> str:
+        return f"hold {Span.__str__(self)}"
+
+
+@dataclass(frozen=True)
+class MoveJoin:
+    """Let one take give way to the next some counts later in an existing dance, or earlier.
+
+    The take before the join is danced longer, or that after it begins sooner.
+
+    Parameters
+    ----------
+    at_s : a time within a count of the join, in seconds
+    counts : how many counts later, or earlier below 0
+
+    Raises
+    ------
+    ParameterError   if the time is not a number, or `counts` is 0 or not whole
+
+    Examples
+    --------
+    >>> dance = cg.dance(cg.example_songs()["house"], duration_s=8)
+    >>> str(cg.MoveJoin(at_s=4.0, counts=-1))
+    'move join 4 by -1'
+    """
+
+    at_s: float
+    counts: int
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        check_times(self, "at_s")
+        if not is_whole(self.counts) or self.counts == 0:
+            raise unexpected("counts of a MoveJoin as a whole number that is not 0", self.counts)
+
+    def __str__(self) -> str:
+        return f"move join {self.at_s:g} by {self.counts:+d}"
+
+
+EditRequest = Swap | Vary | Repeat | Hold | MoveJoin | MotifPin | TakePin | Ban
 
 
 def parse_swap(text: str) -> Swap:

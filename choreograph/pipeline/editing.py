@@ -13,6 +13,8 @@ from choreograph.choreography.constraints import Ban, Constraints, MotifPin, Tak
 from choreograph.choreography.edits import (
     EditRequest,
     EditSlots,
+    Hold,
+    MoveJoin,
     Repeat,
     Vary,
     edit_slots,
@@ -40,7 +42,8 @@ from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.keeping import kept_file_plan, part_of, read_existing
-from choreograph.plan_parts import TOUCH_S, PlannedEdit, PlannedWord, words_between
+from choreograph.pipeline.rearranging import hold, moved_join, repetition
+from choreograph.plan_parts import TOUCH_S, PlannedEdit
 from choreograph.render.rendering import off_stage, take_motions, with_edit
 
 # Edits of a dance, one after another.
@@ -66,7 +69,7 @@ def edit(
     Parameters
     ----------
     existing : a dance, as made by `dance` or `edit`, or as a plan, .bvh or .npz file
-    edits : each a `Swap`, `Vary`, `Repeat`, `TakePin`, `MotifPin` or `Ban`
+    edits : each a `Swap`, `Vary`, `Repeat`, `Hold`, `MoveJoin`, `TakePin`, `MotifPin` or `Ban`
     repertoire : the takes to dance with, among them those of the existing dance
     song : the song of the dance, for the sound of pages and videos. A motion file needs it for its counts
     seed : 0 for the best piece of a take for each edit, 1 for the second best, and so on
@@ -86,7 +89,9 @@ def edit(
     >>> edited.plan
     <Plan of a dance to 'house': 8.0 s, graph engine, 8 seconds, 2 edits>
     """
-    edits = as_list("edits", edits, "Swap, Vary, Repeat, MotifPin, TakePin or Ban", EditRequest)
+    edits = as_list(
+        "edits", edits, "Swap, Vary, Repeat, Hold, MoveJoin, MotifPin, TakePin or Ban", EditRequest
+    )
     if not is_whole(seed) or seed < 0:
         raise unexpected("a seed of 0 or more", seed)
     check_function("report", report)
@@ -180,7 +185,11 @@ class Editor:
             for start_s, end_s in self._banned_spans_s(one):
                 self._swap(edit_slots(start_s, end_s, self.bounds_s, outwards=True), f"ban {one}")
         elif isinstance(one, Repeat):
-            self._apply(self._repetition(one))
+            self._apply(repetition(one, self.plan, self.bounds_s))
+        elif isinstance(one, Hold):
+            self._apply(hold(one, self.plan, self.bounds_s))
+        elif isinstance(one, MoveJoin):
+            self._apply(moved_join(one, self.plan, self.bounds_s, self.repertoire))
         elif isinstance(one, MotifPin):
             self._pin_motif(one)
         elif isinstance(one, TakePin):
@@ -309,30 +318,3 @@ class Editor:
             else:
                 joined.append((start_s, end_s))
         return joined
-
-    def _repetition(self, one: Repeat) -> PlannedEdit:
-        """The edit that dances a part again, count by count."""
-        source = edit_slots(one.start_s, one.end_s, self.bounds_s)
-        n = source.stop - source.first
-        first = int(np.abs(self.bounds_s - one.at_s).argmin())
-        if not 0 <= one.at_s < self.plan.duration_s or first + n >= len(self.bounds_s):
-            raise ParameterError(
-                f"expected {one} to end within the dance of {self.plan.duration_s:g} s, got {n} counts from "
-                f"{one.at_s:g} s on"
-            )
-        target = edit_slots(float(self.bounds_s[first]), float(self.bounds_s[first + n]), self.bounds_s)
-        before, after = min(source.before, target.before), min(source.after, target.after)
-        begin, end = source.first - before, source.stop + after
-        from_s = self.bounds_s[begin : end + 1]
-        words = words_between(self.plan.planned_blocks, float(from_s[0]), float(from_s[-1]), from_s.tolist())
-        if not all(word.take for word in words):
-            raise ParameterError(f"expected {one} of takes, got a part whose takes are not known")
-        to_s = self.bounds_s[target.first - before : target.stop + after + 1]
-        words = tuple(_moved(word, from_s, to_s, mirrored=one.mirrored) for word in words)
-        return PlannedEdit(words[0].start_s, words[-1].end_s, str(one), words)
-
-
-def _moved(word: PlannedWord, from_s: Floats, to_s: Floats, *, mirrored: bool) -> PlannedWord:
-    """A word at other counts of the dance, (N,) instead of (N,), or its mirror image there."""
-    start_s, end_s = np.interp([word.start_s, word.end_s], from_s, to_s).round(6).tolist()
-    return replace(word, start_s=start_s, end_s=end_s, mirrored=word.mirrored != mirrored)

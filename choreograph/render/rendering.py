@@ -19,7 +19,7 @@ from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit, PlannedWord
+from choreograph.plan_parts import PlannedEdit, PlannedWord, held_spans_s
 from choreograph.render.assembly import assemble
 from choreograph.render.dynamics import STOP_EASE_S, with_amplitudes, with_stops
 from choreograph.render.filled_gaps import fill_gaps, of_length
@@ -188,7 +188,8 @@ def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: Motion
         with_stops(runs, window.stops_s), read_motion, fps=fps, duration_s=window.duration_s,
         blending=plan.blending, stage=plan.stage, to_front=plan.front == "audience",
     )  # fmt: skip
-    filling = of_length(_with_dynamics(made, joins, window), end - begin)
+    held = replace(window, stops_s=(*window.stops_s, *held_spans_s(window.words)))
+    filling = of_length(_with_dynamics(made, joins, held), end - begin)
     stretches = [span for span in ((0, first - begin), (stop - begin, end - begin)) if span[0] < span[1]]
     filled = fill_gaps(motion.sliced(begin, end), filling, stretches)
     root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()

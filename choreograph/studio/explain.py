@@ -15,10 +15,9 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor
 from choreograph.plan import Plan
-from choreograph.plan_parts import Block, PlannedSecond
+from choreograph.plan_parts import Block, PlannedSecond, goes_on
 from choreograph.studio.sentences import OF_DANCE, OF_PIECE
 
-_JUMP_S = 0.1  # of the time in a take, above which a take does not simply go on
 _LONGEST_S = 6.0  # of a part for which the next best is looked for
 
 
@@ -53,16 +52,11 @@ def run_at(plan: Plan, at_s: float) -> Sequence[Block]:
     blocks = plan.blocks
     here = next((i for i, block in enumerate(blocks) if block.start_s <= at_s < block.end_s), len(blocks) - 1)
     first = last = here
-    while first > 0 and _goes_on(blocks[first - 1], blocks[first]):
+    while first > 0 and goes_on(blocks[first - 1], blocks[first]):
         first -= 1
-    while last < len(blocks) - 1 and _goes_on(blocks[last], blocks[last + 1]):
+    while last < len(blocks) - 1 and goes_on(blocks[last], blocks[last + 1]):
         last += 1
     return blocks[first : last + 1]
-
-
-def _goes_on(one: Block, after: Block) -> bool:
-    same = one.source == after.source and one.mirrored == after.mirrored
-    return same and abs(after.source_start_s - one.source_end_s) < _JUMP_S
 
 
 def reasons(costs: Mapping[str, float], sentences: Mapping[str, str]) -> list[dict[str, Any]]:

@@ -18,6 +18,7 @@ from choreograph.music.places import Places
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
+from choreograph.pipeline.rearranging import joins_s
 from choreograph.view.page import dance_facts
 from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_mesh, compress_motion
 
@@ -84,6 +85,7 @@ def whole_facts(
         "edits": [
             {"start_s": edit.start_s, "end_s": edit.end_s, "request": edit.request} for edit in plan.edits
         ],
+        "joins": [round(join_s, 4) for join_s in joins_s(plan)],
         "engine": plan.engine, "weights": plan.weights, "notes": list(dance.notes),
         "unmet": list(dance.unmet), "cost": round(plan.total_cost, 4),
     }  # fmt: skip

@@ -29,7 +29,7 @@ SLOTS = ("A", "B")
 ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
 
-EditKind = Literal["swap", "vary", "repeat", "pin_take", "pin_motif", "ban"]  # that a page can ask for
+EditKind = Literal["swap", "vary", "repeat", "hold", "cut", "pin_take", "pin_motif", "ban"]  # of a page
 
 Span = tuple[float, float]  # from one time of the dance to another, in seconds
 

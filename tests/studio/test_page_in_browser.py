@@ -328,3 +328,61 @@ def test_a_newcomers_task(browser, tmp_path, song, record_property):
     assert len(document.json["animations"]) == 1
     assert any("mixamorig:Hips" in node.get("name", "") for node in document.json["nodes"])
     assert load_motion(path).duration_s == pytest.approx(12.4, abs=0.1)
+
+
+def test_a_join_is_dragged_by_counts_and_moved_by_keys(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        until(page, "studio.dance.joins.length > 0")
+        dance = page.evaluate("studio.dance")
+        ends = [0.0, *dance["joins"], dance["duration_s"]]
+        rooms = [min(b - a, c - b) for a, b, c in zip(ends, ends[1:], ends[2:], strict=False)]
+        join = ends[1 + rooms.index(max(rooms))]
+        revision = page.evaluate("studio.revision")
+        box = page.locator("#timeline").bounding_box()
+        per_s, y = box["width"] / dance["duration_s"], box["y"] + 100
+        page.mouse.move(box["x"] + join * per_s, y)
+        assert page.evaluate("document.getElementById('timeline').style.cursor") == "ew-resize"
+        page.mouse.down()
+        page.mouse.move(box["x"] + (join + 0.5) * per_s, y, steps=4)
+        assert page.is_visible("#seam")
+        page.mouse.up()
+        shown(page, f"studio.revision > {revision}")
+        [moved] = set(page.evaluate("studio.dance.joins")) - set(dance["joins"])
+        assert 0.2 < moved - join < 0.8 and moved in page.evaluate(
+            "studio.dance.music_beats_s.map((s) => +s.toFixed(4))"
+        )
+        page.keyboard.press("Space")
+        page.keyboard.press("Home")
+        while page.evaluate("studio.time") < moved - 0.03:
+            page.keyboard.press("j")
+        page.keyboard.press("<")
+        shown(page, f"studio.revision > {revision + 1}")
+        assert moved not in page.evaluate("studio.dance.joins")
+        page.keyboard.press("Control+z")
+        shown(page, f"studio.revision > {revision + 2}")
+        page.click("#undo")
+        shown(page, f"studio.revision > {revision + 3}")
+        assert page.evaluate("studio.dance.joins") == dance["joins"]
+
+
+def test_a_pose_is_held_and_a_span_is_cut_to_a_section(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+        select(page, 4.0, 6.0)
+        page.click("#hold")
+        shown(page, f"studio.revision > {revision}")
+        assert page.evaluate("studio.dance.blocks.some(({ speed }) => speed === 0)")
+        if page.evaluate("studio.dance.sections.length") > 1:
+            select(page, 8.0, 10.0)
+            page.select_option("#cut-to", "0")
+            page.click("#cut")
+            shown(page, f"studio.revision > {revision + 1}")
+            assert page.evaluate("studio.dance.edits.at(-1).request").startswith("repeat 0-")
+        else:
+            assert not page.is_visible("#cut-row")
+        page.reload()
+        until(page, "window.studio !== undefined")
+        shown(page)
+        assert page.evaluate("studio.dance.blocks.some(({ speed }) => speed === 0)")

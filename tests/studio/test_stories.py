@@ -192,3 +192,46 @@ def test_the_project_is_text_that_a_person_can_read(client, folder):
         "dance",
         "swap 4-6",
     ]
+
+
+def test_a_pose_is_held_a_span_is_cut_to_a_section_and_undone(client):
+    before = motion_of(client)
+    job = client.change("/api/edit", kind="hold", **{"from": 4, "to": 6})
+    assert job["state"] == "done", job
+    state = client.state()
+    assert any(block["speed"] == 0 for block in state["dance"]["blocks"])
+    assert state["dance"]["edits"][0]["request"] == "hold 4-6" and motion_of(client) != before
+    sections = state["dance"]["sections"]
+    for section in range(len(sections)):
+        job = client.change("/api/edit", kind="cut", section=section, **{"from": 8, "to": 9.5})
+        if abs(sections[section]["start_s"] - 8) > 0.1:
+            assert job["state"] == "done", job
+            assert client.state()["dance"]["edits"][-1]["request"].startswith("repeat ")
+            client.post("/api/undo", revision=client.revision)
+    for more in ({}, {"section": 99}, {"section": -1}):
+        reply = client.post("/api/edit", revision=client.revision, kind="cut", **{"from": 8, "to": 9, **more})
+        assert reply.status_code in (400, 422), more
+    client.post("/api/undo", revision=client.revision)
+    assert motion_of(client) == before
+
+
+def test_a_join_is_moved_by_counts_and_undone(client):
+    take = client.state()["dance"]["takes"][0]["name"]
+    other = next(t["take"] for t in client.get("/api/palette?limit=200").json()["takes"] if t["take"] != take)
+    for name, span in ((take, (2, 5)), (other, (5, 9))):
+        assert client.change("/api/edit", kind="pin_take", take=name, **{"from": span[0], "to": span[1]})
+    before, joins = motion_of(client), client.state()["dance"]["joins"]
+    at = min(joins, key=lambda join: abs(join - 5))
+    job = client.change("/api/seam", at=at, counts=1)
+    assert job["state"] == "done", job
+    state = client.state()
+    [moved] = set(state["dance"]["joins"]) - set(joins)
+    assert 0.3 < moved - at < 0.7 and state["dance"]["edits"][-1]["request"].startswith("move join")
+    assert client.post("/api/undo", revision=client.revision).json()["dance"]["joins"] == joins
+    assert motion_of(client) == before
+    client.post("/api/locks", revision=client.revision, locks=[[4, 6]])
+    job = client.change("/api/seam", at=at, counts=1)
+    assert job["state"] == "failed" and "locked" in job["error"]
+    for wrong in ({"at": at, "counts": 0}, {"at": -1, "counts": 1}, {"at": at, "counts": 0.5}):
+        assert client.post("/api/seam", revision=client.revision, **wrong).status_code in (400, 422)
+    assert client.post("/api/seam", revision=1, at=at, counts=1).status_code == 409

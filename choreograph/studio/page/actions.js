@@ -6,6 +6,7 @@ import { attempt, say } from "./messages.js";
 const LABELS = {
   swap: "Looking for something else", vary: "Varying", repeat: "Repeating", pin_take: "Placing the take",
   pin_motif: "Placing the motif", ban: "Leaving out the take", hold: "Holding the pose",
+  cut: "Cutting to the section",
 };
 
 const EDITS = ["swap", "vary", "repeat", "pin_take", "pin_motif"]; // of any server
@@ -78,8 +79,20 @@ export class Actions {
     });
   }
 
-  moveSeam(at, toCount) {
-    return attempt(async () => this.jobs.finish(await this.store.change("seam", { at, to_count: toCount }), "Moving the join"));
+  // Move the join at a time by counts, later or, below 0, earlier, and play over it.
+  moveSeam(at, counts) {
+    if (!counts) return null;
+    return attempt(async () => {
+      await this.jobs.finish(await this.store.change("seam", { at, counts }), "Moving the join");
+      this.playFrom(Math.max(0, at - 1));
+    });
+  }
+
+  // Move the join that is nearest to a time by counts.
+  moveSeamNear(timeS, counts) {
+    const { joins = [] } = this.store.dance;
+    if (!joins.length) { say("One take is danced without joins."); return null; }
+    return this.moveSeam(joins.reduce((best, join) => (Math.abs(join - timeS) < Math.abs(best - timeS) ? join : best)), counts);
   }
 
   rate(better) { return attempt(() => post("rating", { better })); }

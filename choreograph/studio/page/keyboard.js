@@ -47,10 +47,24 @@ export class Keyboard {
       R: () => actions.edit("repeat", { at: selection.snap(player.time), mirrored: true }),
       h: () => actions.canEdit("hold") && actions.edit("hold"),
       k: () => actions.toggleLock(),
+      "<": () => this.moveSeam(-1),
+      ">": () => this.moveSeam(1),
+      j: () => this.#toJoin(1),
+      J: () => this.#toJoin(-1),
       c: () => this.compare.flip(),
       n: () => document.getElementById("roll").click(),
       Escape: () => selection.clear(),
     }[event.key] ?? null;
+  }
+
+  // Move the join at the playhead by counts.
+  moveSeam(counts) { return this.actions.moveSeamNear(this.player.time, counts); }
+
+  // Go to the next join, or the one before.
+  #toJoin(sign) {
+    const { player } = this, { joins = [] } = this.store.dance;
+    const found = sign > 0 ? joins.find((join) => join > player.time + 0.02) : joins.findLast((join) => join < player.time - 0.02);
+    if (found !== undefined) player.seek(found);
   }
 
   // Loop the selected span, or stop looping.

@@ -4,6 +4,7 @@
 import { Timeline } from "/page/timeline.js";
 
 const BLOCKS = [86, 120], NAMES = [123, 138], SECTIONS = [143, 159]; // rows, in pixels from the top
+export const SEAM_ROWS = [82, 124]; // in which the handles of joins can be dragged
 const SHORTEST_NAME_PX = 26;
 const CONTIGUOUS_S = 0.02;
 
@@ -14,6 +15,7 @@ export class Lanes extends Timeline {
     this.runs = runsOf(dance);
     this.differences = null; // spans in which compared versions differ
     this.chosen = document.getElementById("chosen");
+    this.seam = document.getElementById("seam");
   }
 
   // Show another dance of the same page.
@@ -40,8 +42,15 @@ export class Lanes extends Timeline {
     this.chosen.style.width = `${(span.to - span.from) * this.pxPerS}px`;
   }
 
+  // Where the join that is dragged would be, or nowhere for null.
+  showSeam(timeS) {
+    this.seam.hidden = timeS === null;
+    if (timeS !== null) this.seam.style.transform = `translateX(${this.x(timeS)}px)`;
+  }
+
   drawMore(context) {
     if (!this.store) return;
+    if (this.store.has("seam")) this.#drawJoins(context);
     this.#drawNames(context);
     this.#drawSections(context);
     this.#drawChanged(context);
@@ -55,6 +64,23 @@ export class Lanes extends Timeline {
       const x = Math.max(2, this.x(run.start_s)), room = Math.min(this.x(run.end_s), this.width) - x - 6;
       if (room < SHORTEST_NAME_PX) continue;
       context.fillText(shortened(context, run.name, room), x + 1, NAMES[1] - 4);
+    }
+  }
+
+  // The handle of each join, where one take gives way to the next.
+  #drawJoins(context) {
+    const [top, bottom] = BLOCKS;
+    for (const join of this.dance.joins ?? []) {
+      const x = this.x(join);
+      if (x < -4 || x > this.width + 4) continue;
+      context.fillStyle = this.ink("--panel");
+      context.beginPath();
+      context.roundRect(x - 3.5, top + 6, 7, bottom - top - 12, 3.5);
+      context.fill();
+      context.fillStyle = this.ink("--ink");
+      context.beginPath();
+      context.roundRect(x - 1.5, top + 8, 3, bottom - top - 16, 1.5);
+      context.fill();
     }
   }
 

@@ -171,7 +171,7 @@ class Studio {
   #openLanes(dance) {
     this.lanes = new Lanes(this.store, dance, this.levels, this.counts, this.player, {
       onHover: (block, x) => this.card.show(block, $("timeline").getBoundingClientRect().left + x, this.colours),
-      gestures: selectingGestures(this.selection),
+      gestures: selectingGestures(this.selection, (at, counts) => this.actions.moveSeam(at, counts)),
     });
     const { store, selection, actions, tabs, lanes, player } = this;
     this.compare = new Compare(store, actions, this.view, lanes, player);

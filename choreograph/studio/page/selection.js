@@ -2,6 +2,7 @@
 
 import { Gestures } from "/page/gestures.js";
 import { clamp } from "/page/math.js";
+import { SEAM_ROWS } from "./lanes.js";
 import { clockText } from "/page/timeline.js";
 
 const CLICK_PX = 4; // a shorter drag is a click, which seeks
@@ -22,12 +23,34 @@ export class Selection {
     return ends.reduce((best, time) => (Math.abs(time - timeS) < Math.abs(best - timeS) ? time : best));
   }
 
+  // The count nearest to a time, whether or not spans snap to counts.
+  snapToCount(timeS) {
+    const { snaps } = this;
+    this.snaps = true;
+    const found = this.snap(timeS);
+    this.snaps = snaps;
+    return found;
+  }
+
   // The count before or after a time.
   neighbour(timeS, sign) {
     const { dance } = this.store;
     const ends = [0, ...dance.music_beats_s, dance.duration_s];
     const found = sign > 0 ? ends.find((time) => time > timeS + 0.01) : ends.findLast((time) => time < timeS - 0.01);
     return clamp(found ?? timeS, 0, dance.duration_s);
+  }
+
+  // How many counts lie from one time to another, below 0 if it is earlier.
+  countsFrom(timeS, toS) {
+    const { dance } = this.store, ends = [0, ...dance.music_beats_s, dance.duration_s];
+    const nearest = (time) => ends.reduce((best, end, i) => (Math.abs(end - time) < Math.abs(ends[best] - time) ? i : best), 0);
+    return nearest(toS) - nearest(timeS);
+  }
+
+  // The join nearest to a time, or null if the dance has none.
+  joinAt(timeS) {
+    const { joins = [] } = this.store.dance;
+    return joins.reduce((best, join) => (best === null || Math.abs(join - timeS) < Math.abs(best - timeS) ? join : best), null);
   }
 
   set(a, b, options) {
@@ -56,19 +79,33 @@ export class Selection {
   }
 }
 
-// Gestures of the studio's timeline: a drag over the lanes selects, a click seeks, a drag on the ruler seeks along.
-export function selectingGestures(selection) {
+// Gestures of the studio's timeline: a drag over the lanes selects, one of a join's handle moves the join, a click seeks,
+// and a drag on the ruler seeks along.
+export function selectingGestures(selection, moveSeam) {
   return class SelectingGestures extends Gestures {
     constructor(timeline) {
       super(timeline);
       timeline.element.addEventListener("dblclick", (event) => this.#select(event));
       timeline.element.addEventListener("pointerup", () => this.#finish());
+      timeline.element.addEventListener("pointercancel", () => { this.seam = null; timeline.showSeam(null); });
+      timeline.element.addEventListener("pointermove", (event) => {
+        const over = this.seam || this.#joinUnder(event.offsetX, event) !== null;
+        timeline.element.style.cursor = over ? "ew-resize" : "";
+      });
     }
 
     begin(x, event) {
       const { timeline } = this;
       if (event.offsetY < RULER_PX && !event.shiftKey) return this.scrub(x);
       const { span } = selection.store, grip = event.pointerType === "touch" ? 16 : 6;
+      const join = event.shiftKey ? null : this.#joinUnder(x, event);
+      if (join !== null) {
+        this.seam = { at: join, counts: 0 };
+        return (x2) => {
+          this.seam.counts = selection.countsFrom(join, timeline.timeAt(x2));
+          timeline.showSeam(this.seam.counts ? selection.snapToCount(timeline.timeAt(x2)) : join);
+        };
+      }
       let still = timeline.timeAt(x);
       if (event.shiftKey && span) still = Math.abs(still - span.from) > Math.abs(still - span.to) ? span.from : span.to;
       else if (span && Math.abs(x - timeline.x(span.from)) < grip) still = span.to;
@@ -80,8 +117,20 @@ export function selectingGestures(selection) {
       };
     }
 
+    // The join whose handle is under a pointer, or null.
+    #joinUnder(x, { offsetY, pointerType, target }) {
+      const { timeline } = this;
+      if (target !== timeline.element && !timeline.element.contains(target)) return null;
+      if (!selection.store.has("seam") || offsetY < SEAM_ROWS[0] || offsetY > SEAM_ROWS[1]) return null;
+      const join = selection.joinAt(timeline.timeAt(x));
+      return join !== null && Math.abs(timeline.x(join) - x) < (pointerType === "touch" ? 12 : 5) ? join : null;
+    }
+
     #finish() {
-      const { click, timeline } = this;
+      const { click, seam, timeline } = this;
+      this.seam = null;
+      timeline.showSeam(null);
+      if (seam) { if (seam.counts) moveSeam(seam.at, seam.counts); return; }
       this.click = null;
       if (click && !click.moved) timeline.player.seek(timeline.timeAt(click.x));
       else if (click) selection.store.dispatchEvent(new Event("spanend"));

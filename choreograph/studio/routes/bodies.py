@@ -79,8 +79,16 @@ class EditBody(Revised):
     take: Text | None = None
     source_s: Seconds | None = None
     motif: Annotated[int, Field(ge=0, le=100_000)] | None = None
+    section: Annotated[int, Field(ge=0, le=10_000)] | None = None  # of the song, that a part is cut to
     ban: Text | None = None  # such as genre:tango
     seed: Annotated[int, Field(ge=0, le=1 << 32)] = 0
+
+
+class SeamBody(Revised):
+    """The join of two takes that is nearest to a time, and by how many counts it is moved."""
+
+    at: Seconds
+    counts: Annotated[int, Field(ge=-256, le=256)]
 
 
 # Uploaded files. Each has a folder of its own until it is placed, so that messages show its own name.

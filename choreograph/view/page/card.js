@@ -35,7 +35,7 @@ export class Card {
     const title = createElement("h2", "", [createElement("i", "dot"), createElement("span", "", [take.name])]);
     const sub = [take.genre, take.performer, take.licence && `licence: ${take.licence}`].filter(Boolean).join(" · ");
     const facts = [
-      [block.kept ? "Kept" : isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
+      [block.kept ? "Kept" : block.speed === 0 ? "Held" : isWord ? "Word" : "Second", `${clockText(block.start_s, true)} – ${clockText(block.end_s, true)}`],
     ];
     if (isWord) facts.push(["Motif", `${block.motif}${block.pinned ? ", pinned" : ""}`]);
     else if (!block.kept) facts.push(["Clip", `${block.clip}, from ${clockText(block.clip_start_s, true)}`]);
@@ -43,7 +43,7 @@ export class Card {
     if (count) facts.push(["From", count]);
     if ("speed" in block) {
       facts.push(["Source time", `${block.from_s.toFixed(2)} – ${block.to_s.toFixed(2)} s${block.mirrored ? ", mirrored" : ""}`]);
-      facts.push(["Warp", warpText(block.speed)]);
+      if (block.speed !== 0) facts.push(["Warp", warpText(block.speed)]);
     }
     const costs = Object.entries(block.costs);
     const total = costs.reduce((sum, [, cost]) => sum + cost, 0);
