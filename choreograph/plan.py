@@ -6,7 +6,7 @@ import json
 import re
 import reprlib
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -164,12 +164,12 @@ class Plan:
 
     def to_json(self) -> str:
         """The plan as JSON text, as specified in `data_schema/plan.schema.json`."""
-        return json.dumps({"format": FORMAT, "version": VERSION, **asdict(self)}, indent=1) + "\n"
+        return plan_text(self, indent=1) + "\n"
 
     def check(self) -> None:
         """Raise `ParameterError` or `FormatError` unless the plan, edited or not, is as valid as a file's."""
         try:
-            text = self.to_json()
+            text = plan_text(self)
         except (TypeError, ValueError, RecursionError) as error:
             raise ParameterError(f"expected a plan that JSON can contain, got another: {error}") from None
         self.from_json(text)
@@ -272,6 +272,18 @@ class Plan:
             yield from (f"edit {index}: {fault}" for fault in faults_of_edit(edit, self.duration_s))
         if self.kept_of and (self.seconds or len(self.words) != 1):
             yield f"expected {self.kept_of} kept as one word, and no seconds, got others beside it"
+
+
+def plan_text(plan: Plan, *, indent: int | None = None) -> str:
+    """A plan as JSON text, in one line unless there is an `indent`. Raises as `json.dumps`."""
+    data = {"format": FORMAT, "version": VERSION, **_fields_of(plan)}
+    return json.dumps(data, indent=indent, default=_fields_of)
+
+
+def _fields_of(entry: object) -> dict[str, Any]:
+    if not is_dataclass(entry):
+        raise TypeError(f"expected an entry of a plan, got {type(entry).__name__}")
+    return {field.name: getattr(entry, field.name) for field in fields(entry)}
 
 
 def _of_this_version(data: Any, name: str) -> dict[str, Any]:

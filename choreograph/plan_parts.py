@@ -159,8 +159,8 @@ def words_between(
 ) -> tuple[PlannedWord, ...]:
     """The part of a dance from one time to another as words, which also end at the times `cuts_s`.
 
-    The blocks are in order, without gaps. Where only the end of a block is left, its neighbour goes on, unless
-    both are one part of a take.
+    The blocks are in order, without gaps. Where only the end of a block is left, its neighbour goes on,
+    unless both are one part of a take.
     """
     inside = [b for b in blocks if b.end_s > start_s and b.start_s < end_s]
     is_long = [min(b.end_s, end_s) - max(b.start_s, start_s) >= _SHORTEST_PART_S for b in inside]

@@ -63,10 +63,9 @@ class Studio:
         """The job of a reply, when it has ended."""
         status, content = reply
         while status == 202:
-            job: dict[str, Any] = self.ask("GET", f"/api/jobs/{content['job']}")[1]
+            job: dict[str, Any] = self.ask("GET", f"/api/jobs/{content['job']}?wait=0.4")[1]
             if job["state"] != "running":
                 return job
-            time.sleep(_POLL_S)
         return {"state": "done" if status == 200 else "failed", "error": content.get("error")}
 
     def change(self, path: str, **body: Any) -> dict[str, Any]:

@@ -34,7 +34,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, check_function, is_whole, unexpected
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import Floats, default_numerics, one_thread
+from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport
 from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire

@@ -23,6 +23,7 @@ from choreograph.view.page import dance_facts
 from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_mesh, compress_motion
 
 _MOST_MOTION_BYTES = 1 << 25  # on this machine, a page may load more than one that is sent around
+_FAST = 1  # the level of zlib for what does not leave this machine
 _SMALL_FPS = 20.0  # of small figures
 _TURN_RAD = 1e-4  # of a joint, below which a pose is the same
 _GAP_S = 0.25  # between parts that changed, which are then one
@@ -55,7 +56,7 @@ def character_facts(character: GltfCharacter) -> dict[str, Any]:
 def motion_data(motion: Motion, *, small: bool = False) -> dict[str, Any]:
     """A compressed motion as `facts` and `motion`. Small ones have 20 frames a second."""
     shown = motion.resampled(min(motion.fps, _SMALL_FPS)) if small else motion
-    made = compress_motion(shown, max_bytes=_MOST_MOTION_BYTES)
+    made = compress_motion(shown, max_bytes=_MOST_MOTION_BYTES, level=_FAST)
     facts = {
         "fps": made.fps, "frames": made.n_frames, "root_step_m": made.root_step_m,
         "root_origin_m": list(made.root_origin_m),

@@ -42,6 +42,7 @@ class Job:
     began_s: float = field(default_factory=time.monotonic)
     ended_s: float | None = None
     cancelled: threading.Event = field(default_factory=threading.Event)
+    ended: threading.Event = field(default_factory=threading.Event)
     on_change: Callable[[Job], None] = lambda job: None
 
     def report(self, stage: str, done: int, total: int) -> None:
@@ -149,3 +150,4 @@ def _end(job: Job, future: Future[Any]) -> None:
         if not known:
             _LOG.error("the studio failed", exc_info=error)
     job.on_change(job)
+    job.ended.set()

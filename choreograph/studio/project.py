@@ -19,7 +19,7 @@ from typing import Any, Literal
 from choreograph.core.arguments import check_choice, check_text, is_number, is_whole
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.settings import changed as changed_settings
-from choreograph.plan import Plan
+from choreograph.plan import Plan, plan_text
 from choreograph.plan_parts import PlannedEdit, faults_of_edit, read_edit
 from choreograph.settings import DanceConfig
 
@@ -107,7 +107,7 @@ def new_step(
 ) -> Step:
     """A step for a plan. With a parent, the plan is that of the parent with further edits."""
     if parent is None:
-        base = zlib.compress(replace(plan, edits=()).to_json().encode(), 6)
+        base = zlib.compress(plan_text(replace(plan, edits=())).encode(), 6)
         own = plan.edits
     else:
         base, own = parent.base, plan.edits[len(parent.edits) :]

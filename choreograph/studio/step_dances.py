@@ -17,8 +17,8 @@ from choreograph.render.rendering import off_stage, render_planned, take_motions
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Project, Step
 
-_MEMORY_BYTES = 96_000_000  # of what dances to one song have in common
-_MOTION_BYTES = 32_000_000  # of motions of steps, so that undo shows at once
+_MEMORY_BYTES = 64_000_000  # of what dances to one song have in common
+_MOTION_BYTES = 24_000_000  # of motions of steps, so that undo shows at once
 _COMPRESSED_BYTES = 1 << 22  # of motions as they are sent
 
 

@@ -34,6 +34,7 @@ ROTVEC_STEP_RAD = 2.5e-4  # pi is 12,566 steps, so that any rotation fits into t
 _ROOT_STEP_M = 5e-4
 _LARGEST = 32_000  # steps: fits into two bytes with a margin
 _MAX_FPS = 60.0
+_SMALLEST = 9  # the level of zlib for pages that are kept
 _MAX_MOTION_BYTES = 2_200_000  # leaves room for the rest of the page within 3 MB
 
 
@@ -48,17 +49,22 @@ class CompressedMotion:
     root_origin_m: tuple[float, ...]  # (3,)
 
 
-def compress_motion(motion: Motion, *, max_bytes: int = _MAX_MOTION_BYTES) -> CompressedMotion:
-    """Compress at 60 fps or the rate of the motion if lower, halved until the text fits `max_bytes`."""
+def compress_motion(
+    motion: Motion, *, max_bytes: int = _MAX_MOTION_BYTES, level: int = _SMALLEST
+) -> CompressedMotion:
+    """Compress at 60 fps or the rate of the motion if lower, halved until the text fits `max_bytes`.
+
+    With a lower `level` of zlib, it is faster and the text is longer.
+    """
     motion = motion.resampled(min(motion.fps, _MAX_FPS))
-    compressed = _compressed(motion)
+    compressed = _compressed(motion, level)
     while len(compressed.text) > max_bytes and motion.n_frames > 2:
         motion = motion.resampled(motion.fps / 2)
-        compressed = _compressed(motion)
+        compressed = _compressed(motion, level)
     return compressed
 
 
-def _compressed(motion: Motion) -> CompressedMotion:
+def _compressed(motion: Motion, level: int) -> CompressedMotion:
     origin = np.round((motion.root_pos_m.min(axis=0) + motion.root_pos_m.max(axis=0)) / 2, 3)
     root = motion.root_pos_m - origin
     root_step_m = max(_ROOT_STEP_M, float(np.abs(root).max()) / _LARGEST)
@@ -70,8 +76,9 @@ def _compressed(motion: Motion) -> CompressedMotion:
     folded = zigzag_encode(change)
     planes = np.concatenate([(folded & 0xFF).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
     return CompressedMotion(
-        deflate_base64(planes.tobytes()), motion.fps, motion.n_frames, root_step_m, tuple(map(float, origin))
-    )
+        deflate_base64(planes.tobytes(), level), motion.fps, motion.n_frames, root_step_m,
+        tuple(map(float, origin)),
+    )  # fmt: skip
 
 
 def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
@@ -101,9 +108,9 @@ def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
     return text, numbers
 
 
-def deflate_base64(data: bytes) -> str:
+def deflate_base64(data: bytes, level: int = _SMALLEST) -> str:
     """The bytes deflated, in base64."""
-    return base64.b64encode(zlib.compress(data, 9)).decode("ascii")
+    return base64.b64encode(zlib.compress(data, level)).decode("ascii")
 
 
 # Assembly of pages.

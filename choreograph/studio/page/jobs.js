@@ -4,7 +4,7 @@ import { createElement } from "/page/elements.js";
 import { get, remove } from "./api.js";
 
 const SHOWN_AFTER_MS = 350;
-const ASK_AGAIN_MS = [60, 250]; // in the first second, later
+const WAIT_S = [0.4, 0.25]; // of the server for the end of a job, in the first second, later
 
 export class Cancelled extends Error {
   constructor() { super("cancelled"); this.name = "AbortError"; }
@@ -45,14 +45,13 @@ export class Jobs extends EventTarget {
   async #wait(id, row, onLog) {
     const since = performance.now();
     for (;;) {
-      const job = await get(`jobs/${id}`);
+      const early = performance.now() - since < 1000;
+      const job = await get(`jobs/${id}?wait=${WAIT_S[early ? 0 : 1]}`);
       onLog?.(job.log ?? []);
       if (job.state === "done") return this.#result(job.result);
       if (job.state === "cancelled") throw new Cancelled();
       if (job.state === "failed") throw new Error(job.error ?? "the work failed");
       row.show(job);
-      const early = performance.now() - since < 1000;
-      await new Promise((wake) => setTimeout(wake, ASK_AGAIN_MS[early ? 0 : 1]));
     }
   }
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from fastapi.responses import StreamingResponse
 
 from choreograph.studio.service import Service
+
+_LONGEST_WAIT_S = 1.0  # of a request, so that no thread of the server is long without other work
 
 
 def router(service: Service) -> APIRouter:
@@ -15,9 +17,11 @@ def router(service: Service) -> APIRouter:
     made = APIRouter(tags=["jobs"])
 
     @made.get("/api/jobs/{id}")
-    def job(id: str) -> dict[str, Any]:
-        """The progress of a job, and its result once it is done."""
-        return service.jobs.get(id).facts
+    def job(id: str, wait: Annotated[float, Query(ge=0, le=_LONGEST_WAIT_S)] = 0.0) -> dict[str, Any]:
+        """The progress of a job, and its result once it is done, for which it waits at most `wait` seconds."""
+        found = service.jobs.get(id)
+        found.ended.wait(wait)
+        return found.facts
 
     @made.delete("/api/jobs/{id}")
     def cancel(id: str) -> dict[str, Any]:
