@@ -1,4 +1,4 @@
-"""Edits that dance what is danced already at other times: repetitions, held poses and joins that are moved."""
+"""Edits that dance what is danced already at other times: repetitions, held poses and moved joins."""
 
 from __future__ import annotations
 

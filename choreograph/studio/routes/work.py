@@ -18,7 +18,7 @@ def router(service: Service) -> APIRouter:
 
     @made.get("/api/jobs/{id}")
     def job(id: str, wait: Annotated[float, Query(ge=0, le=_LONGEST_WAIT_S)] = 0.0) -> dict[str, Any]:
-        """The progress of a job, and its result once it is done, for which it waits at most `wait` seconds."""
+        """The progress of a job, and its result once it is done, for which it waits at most `wait` s."""
         found = service.jobs.get(id)
         found.ended.wait(wait)
         return found.facts
