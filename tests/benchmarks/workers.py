@@ -28,7 +28,7 @@ def measured(kind: str, takes: Path) -> dict[str, Any]:
     start, own_s = time.perf_counter(), _cpu_s()
     from choreograph.core.kept import keeping
     from choreograph.core.workers import working
-    from choreograph.library.building.counting import counted_takes, load_motion_counter
+    from choreograph.library.building.counting import Counting, load_motion_counter
     from choreograph.library.building.options import BuildOptions
     from choreograph.library.building.takes import measured_takes
     from choreograph.library.builtin import pretrained_set
@@ -39,8 +39,7 @@ def measured(kind: str, takes: Path) -> dict[str, Any]:
     dask = "" if kind in (ONE, POOL) else kind
     theirs_s = _workers_cpu_s(dask) if dask else 0.0
     with keeping(0.0), working(1 if kind == ONE else N_WORKERS, dask):
-        found, _ = measured_takes([takes], options, None)
-        counted_takes(found, SongCache(options.beats), counter)
+        found, _ = measured_takes([takes], options, None, Counting(SongCache(options.beats), counter))
     wall_s = time.perf_counter() - start
     theirs_s = _workers_cpu_s(dask) - theirs_s if dask else theirs_s
     return {"takes": len(found), "wall_s": wall_s, "cpu_s": _cpu_s() - own_s + theirs_s}

@@ -20,8 +20,9 @@ from choreograph.library.building.counting import (
     MIN_PHASE_LOCK,
     SURE_MOTION_CONFIDENCE,
     CountDecision,
+    Counting,
     count_notes,
-    counted_takes,
+    counted_take,
     counts_from_song,
     load_motion_counter,
     phase_lock,
@@ -82,6 +83,13 @@ def test_a_song_of_another_phase_does_not():
     times_s = beats(first_s=0.2)
     song = make_counts(times_s, np.zeros(len(times_s)), 0, source=FROM_MUSIC)
     assert counts_from_song(song, POS_M, FPS) is NO_COUNTS
+
+
+def counted_takes(takes, songs, count_motion=None):
+    """The counted takes and the decisions on those that had no counts."""
+    counts = Counting(songs, count_motion).song_counts([m.take for m in takes])
+    found = [counted_take(count_motion, m, song) for m, song in zip(takes, counts, strict=True)]
+    return [m for m, _ in found], [decision for _, decision in found if decision is not None]
 
 
 def test_takes_and_notes(tmp_path):

@@ -18,7 +18,7 @@ from choreograph.core.numerics import digest
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.formats.remote import is_address, local_sources
-from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
+from choreograph.library.building.counting import MOTION_NET, Counting, load_motion_counter
 from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
     STYLE_NET,
@@ -120,7 +120,9 @@ def _write_built(
 
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
-    measured, notes = measured_takes(sources, options, report)
+    songs = SongCache(options.beats, keep_samples=options.rollout)
+    counting = Counting(songs, load_motion_counter(shipped))
+    measured, notes = measured_takes(sources, options, report, counting)
     check_apart([output], [path for m in measured for path in m.take.source_paths])
     checksums = source_checksums(measured, sources)
     content = training_content(measured, checksums, options)
@@ -128,9 +130,6 @@ def _write_built(
         work, options, content, training_report,
         note=lambda text: notes.append(Note("training", values={"text": text})),
     )  # fmt: skip
-    songs = SongCache(options.beats, keep_samples=options.rollout)
-    measured, decisions = counted_takes(measured, songs, load_motion_counter(shipped))
-    notes += count_notes(measured, decisions)
     counter_trained_on: tuple[str, ...] = ()  # songs, if it counted a take
     if pretrained.from_shipped:
         kind = "style kept" if pretrained.keep else "style begins"

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
-from choreograph.core.kept import each_kept, key_of
+from choreograph.core.kept import key_of
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import PretrainedNet
@@ -27,7 +28,7 @@ from choreograph.library.schema import NetArrays
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
-from choreograph.motion.motion import Motion
+from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 from choreograph.nets.motion_counts import MotionCounts
 
@@ -46,7 +47,6 @@ MAX_MOTION_UNCERTAINTY = 0.3
 MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # in fewer windows, random phases agree too often
-_FEWEST_SHARED = 24  # takes that processes share: each imports torch first, as long as six takes need
 _STILL_M_S = 0.02  # slower motion counts as equally still
 
 
@@ -74,67 +74,56 @@ class CountDecision:
         return Note(kind, self.take, {"confidence": self.confidence})
 
 
-def counted_takes(
-    measured: Sequence[MeasuredTake], songs: SongCache, count_motion: MotionCounter | None = None
-) -> tuple[list[MeasuredTake], list[CountDecision]]:
-    """The takes with counts if these are probably right, and a decision for each take that had none.
+class Counting(NamedTuple):
+    """What takes without counts are counted with."""
 
-    Without `count_motion`, no counts are estimated from motion. Raises `FormatError` for a song that cannot
-    be read.
+    songs: SongCache
+    count_motion: MotionCounter | None = None  # without it, no counts are estimated from motion
+
+    @property
+    def key(self) -> bytes | None:
+        """A digest of `count_motion`, or None if it is of another package."""
+        return key_of(_decided if self.count_motion is None else self.count_motion)
+
+    def song_counts(self, takes: Sequence[Take]) -> list[Counts | None]:
+        """For each take, the counts of its song if it has one and needs them. Raises as `load_song`."""
+        needed = [None if len(take.counts) else take.song_path for take in takes]
+        self.songs.analyse(path for path in needed if path)
+        return [self.songs.analysed(path).counts if path else None for path in needed]
+
+
+def counted_take(
+    count_motion: MotionCounter | None, measured: MeasuredTake, song: Counts | None
+) -> tuple[MeasuredTake, CountDecision | None]:
+    """The take with counts if these are probably right, and the decision if it had none.
+
+    `song` has the counts of its song, if there is one. Without `count_motion`, none are
+    estimated from motion.
     """
-    songs.analyse(m.take.song_path for m in measured if not len(m.take.counts) and m.take.song_path)
-    uncounted = [_Uncounted.of(m, songs) for m in measured if not len(m.take.counts)]
-    key = partial(key_of, _decide if count_motion is None else count_motion)
-    decided = each_kept(
-        partial(_decide, count_motion),
-        uncounted,
-        key=key,
-        named=lambda take: take.name,
-        fewest=_FEWEST_SHARED,
-    )
-    counted, decisions = [], []
-    for given in measured:
-        if len(given.take.counts):
-            counted.append(given)
-            continue
-        counts, decision = next(decided)
-        counted.append(replace(given, take=replace(given.take, counts=counts)))
-        decisions.append(decision)
-    return counted, decisions
+    take = measured.take
+    if len(take.counts):
+        return measured, None
+    counts, decision = _decided(count_motion, measured, song)
+    return replace(measured, take=replace(take, counts=counts)), decision
 
 
-@dataclass(frozen=True, eq=False)
-class _Uncounted:
-    """A take without counts, as other processes need it."""
-
-    name: str
-    motion: Motion
-    body_pos_m: NDArray[np.float32]  # (T, 21, 3) at 20 fps
-    song: Counts | None  # of its song, if there is one
-    song_start_s: float
-
-    @classmethod
-    def of(cls, measured: MeasuredTake, songs: SongCache) -> _Uncounted:
-        take = measured.take
-        song = songs.analysed(take.song_path).counts if take.song_path else None
-        return cls(take.name, take.motion, measured.body_pos_m, song, take.song_start_s)
-
-
-def _decide(count_motion: MotionCounter | None, take: _Uncounted) -> tuple[Counts, CountDecision]:
+def _decided(
+    count_motion: MotionCounter | None, measured: MeasuredTake, song: Counts | None
+) -> tuple[Counts, CountDecision]:
     """The counts of a take that has none, from its song, else from its motion, else none."""
-    name, counts = take.name, NO_COUNTS
-    if take.song is not None:
+    take, counts = measured.take, NO_COUNTS
+    if song is not None:
         pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
-        counts = counts_from_song(take.song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
+        counts = counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
     if len(counts):
-        return counts, CountDecision(name, counts.source or FROM_MUSIC, counts.confidence)
+        return counts, CountDecision(take.name, counts.source or FROM_MUSIC, counts.confidence)
     if count_motion is None:
-        return NO_COUNTS, CountDecision(name, "", 0.0)
-    counts = count_motion(take.body_pos_m)
+        return NO_COUNTS, CountDecision(take.name, "", 0.0)
+    counts = count_motion(measured.body_pos_m)
     uncertainty = _mean_uncertainty(counts)
     if are_likely_right(counts):
-        return counts, CountDecision(name, FROM_MOTION, counts.confidence, uncertainty)
-    return NO_COUNTS, CountDecision(name, "", counts.confidence, uncertainty, is_refused=True)
+        return counts, CountDecision(take.name, FROM_MOTION, counts.confidence, uncertainty)
+    return NO_COUNTS, CountDecision(take.name, "", counts.confidence, uncertainty, is_refused=True)
 
 
 def are_likely_right(counts: Counts) -> bool:

@@ -24,7 +24,7 @@ from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import working
 from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.build import clip_features
-from choreograph.library.building.counting import MOTION_NET, count_notes, counted_takes, load_motion_counter
+from choreograph.library.building.counting import MOTION_NET, Counting, load_motion_counter
 from choreograph.library.building.joining import TakeOrigin, TakeRows, joined_arrays, joined_notes
 from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.networks import source_checksums
@@ -177,13 +177,14 @@ def _new_takes(
     takes = [*added.takes, *replaced.takes]
     skeleton = kept.repertoire.skeleton
     on_it = all(take.motion.skeleton.same_as(skeleton) for take in takes)
-    measured, jumps = prepared_takes(takes, options, report, target=None if on_it else skeleton)
-    notes = [*added.notes(), *replaced.notes(), *jumps]
+    songs, shipped = SongCache(options.beats), pretrained_set(options.pretrained)
+    counting = Counting(songs, load_motion_counter(shipped))
+    prepared = prepared_takes(takes, options, report, counting, target=None if on_it else skeleton)
+    measured = prepared.measured
+    notes = [*added.notes(), *replaced.notes(), *prepared.jumps]
     notes += [] if on_it else [Note("moved onto", take.name) for take in takes]
     notes += short_notes(measured)
-    songs, shipped = SongCache(options.beats), pretrained_set(options.pretrained)
-    measured, decisions = counted_takes(measured, songs, load_motion_counter(shipped))
-    notes += count_notes(measured, decisions)
+    notes += prepared.count_notes
     counter: tuple[str, ...] = ()
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         counter = shipped[MOTION_NET].trained_on

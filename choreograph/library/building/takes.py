@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import unexpected
+from choreograph.core.counts import Counts
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.kept import KeptResults, each_kept, key_of
 from choreograph.core.numerics import AnyFloats
@@ -21,6 +22,7 @@ from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
 from choreograph.formats.axes_and_units import unit_in_notes
 from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
+from choreograph.library.building.counting import CountDecision, Counting, count_notes, counted_take
 from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.motifs import WORDS_PER_MOTIF, Vocabulary, find_motifs, make_vocabulary
@@ -74,9 +76,14 @@ def path_within(path: Path, folders: Sequence[Path]) -> str:
 
 
 def measured_takes(
-    sources: Iterable[str | Path], options: BuildOptions, report: ProgressReport | None
+    sources: Iterable[str | Path],
+    options: BuildOptions,
+    report: ProgressReport | None,
+    counting: Counting | None = None,
 ) -> tuple[list[MeasuredTake], list[Note]]:
     """All takes of the sources with their features, on one skeleton, and notes on what was unusual.
+
+    With `counting`, those without counts are counted.
 
     Raises `ParameterError` if no take is left or two share a name, and `FormatError` if a source is damaged.
     It raises neither for files and names that the options skip.
@@ -85,26 +92,52 @@ def measured_takes(
     check_takes(imported, options)
     first = imported.takes[0].motion.skeleton
     on_one = all(take.motion.skeleton.same_as(first) for take in imported.takes)
-    measured, jumps = prepared_takes(
-        imported.takes, options, report, target=None if on_one else canonical_skeleton()
+    prepared = prepared_takes(
+        imported.takes, options, report, counting, target=None if on_one else canonical_skeleton()
     )
-    notes = [*imported.notes(), *jumps, *([] if on_one else [Note("retargeted")]), *short_notes(measured)]
-    return measured, notes
+    notes = [*imported.notes(), *prepared.jumps, *([] if on_one else [Note("retargeted")])]
+    return prepared.measured, [*notes, *short_notes(prepared.measured), *prepared.count_notes]
+
+
+class PreparedTakes(NamedTuple):
+    """Takes without jumps on one skeleton, measured and perhaps counted, and notes."""
+
+    measured: list[MeasuredTake]
+    jumps: list[Note]
+    count_notes: list[Note]
 
 
 def prepared_takes(
-    takes: Sequence[Take], options: BuildOptions, report: ProgressReport | None, *, target: Skeleton | None
-) -> tuple[list[MeasuredTake], list[Note]]:
-    """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes."""
-    prepare = partial(_prepared, target=target, lock=options.lock_feet)
-    measured, notes = [], []
-    each_take = each_kept(prepare, takes, key=partial(key_of, prepare), named=lambda take: take.name)
-    for done, (one, jumps) in enumerate(each_take):
+    takes: Sequence[Take],
+    options: BuildOptions,
+    report: ProgressReport | None,
+    counting: Counting | None = None,
+    *,
+    target: Skeleton | None,
+) -> PreparedTakes:
+    """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes.
+
+    With `counting`, those without counts are counted. All of this is one task for each take, since takes
+    are large and are sent to other processes.
+    """
+    songs = [None] * len(takes) if counting is None else counting.song_counts(takes)
+    count = None if counting is None else partial(counted_take, counting.count_motion)
+    measure = partial(_measured, target=target, lock=options.lock_feet)
+    counter_key = b"" if counting is None else counting.key
+    measured, jumps, decisions = [], [], []
+    each_take = each_kept(
+        partial(_prepared, measure, count),
+        zip(takes, songs, strict=True),
+        key=lambda one: None if counter_key is None else key_of(measure, counter_key, *one),
+        named=lambda one: one[0].name,
+    )
+    for done, (one, jumps_of_one, decision) in enumerate(each_take):
         measured.append(one)
-        notes += jumps
+        jumps += jumps_of_one
+        decisions += [decision] if decision is not None else []
         if report is not None:
             report("measuring", done + 1, len(takes))
-    return measured, notes
+    return PreparedTakes(measured, jumps, [] if counting is None else count_notes(measured, decisions))
 
 
 def kept_notes(kept: KeptResults | None, n_takes: int) -> list[Note]:
@@ -118,7 +151,19 @@ def short_notes(measured: Sequence[MeasuredTake]) -> list[Note]:
     return [Note("short", m.take.name, {"clip_s": CLIP_S}) for m in measured if is_short(len(m.body_pos_m))]
 
 
-def _prepared(take: Take, *, target: Skeleton | None, lock: bool) -> tuple[MeasuredTake, list[Note]]:
+def _prepared(
+    measure: Callable[[Take], tuple[MeasuredTake, list[Note]]],
+    count: Callable[[MeasuredTake, Counts | None], tuple[MeasuredTake, CountDecision | None]] | None,
+    take_and_song: tuple[Take, Counts | None],
+) -> tuple[MeasuredTake, list[Note], CountDecision | None]:
+    """A take that was measured and perhaps counted, with notes and the decision on its counts."""
+    take, song = take_and_song
+    measured, jumps = measure(take)
+    counted, decision = (measured, None) if count is None else count(measured, song)
+    return counted, jumps, decision
+
+
+def _measured(take: Take, *, target: Skeleton | None, lock: bool) -> tuple[MeasuredTake, list[Note]]:
     """A take without jumps, on the skeleton `target` if there is one, with its features, and notes."""
     take, notes = _without_jumps(take)
     if target is not None:
