@@ -12,6 +12,7 @@
 - `Cost`, `Layer` and `SongFeatures` are for costs of your own
 - `read_character` reads a character for `Dance.save("a.glb", character=...)`
 - `Motion`, `Skeleton`, `Take` and `Counts` hold motion, its source and its counts
+- `count_file` finds tempo, counts and loop points of an animation or a song
 - `load_motion` and `save_motion` read and write motions in all formats
 - `evaluate` scores a dance of any system to a song
 - `metrics` has beat alignment, Fréchet distances, FID, foot slide and others

@@ -41,6 +41,7 @@ from .music.song_features import SongFeatures as SongFeatures
 from .pipeline.alternatives import Alternative as Alternative
 from .pipeline.building import build as build
 from .pipeline.changing import change_takes as change_takes
+from .pipeline.counting import count_file as count_file
 from .pipeline.dancing import Dance as Dance
 from .pipeline.dancing import dance as dance
 from .pipeline.editing import edit as edit
@@ -93,6 +94,7 @@ __all__ = [
     "__version__",
     "build",
     "change_takes",
+    "count_file",
     "coverage",
     "dance",
     "edit",

@@ -262,6 +262,7 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
         "lint": sound(cg.lint, repertoire=t.repertoire),
         "movement": sound(cg.movement, repertoire=t.repertoire),
         "coverage": sound(cg.coverage, repertoire=t.repertoire, songs=[t.song]),
+        "count_file": sound(cg.count_file, path=t.folder / "clicks.wav"),
         "load_motion": sound(cg.load_motion, path=t.folder / "made.npz"),
         "save_motion": sound(cg.save_motion, path="a.npz", motion=t.motion),
         "load_song": sound(cg.load_song, path=t.folder / "clicks.wav"),

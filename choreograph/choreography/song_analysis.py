@@ -100,12 +100,12 @@ def _analysis(
     notes += style_notes
     if report is not None:
         report(25, _STEPS)
-    sections, form = _structure(song, counts, part(report, 25, 60, _STEPS))
+    sections, form, _ = song_structure(song, counts, part(report, 25, 60, _STEPS))
     if names_a_tracker(beats):
         losses = None if genre else style_losses(style, sections, off_beat_share(rhythm), repertoire)
         counts, changed = _danceable(counts, song, mel, sections, repertoire, style, genre, losses)
         if changed:
-            sections, form = _structure(song, counts, part(report, 60, 95, _STEPS))
+            sections, form, _ = song_structure(song, counts, part(report, 60, 95, _STEPS))
             notes.append(_level_note(song, changed, genre))
     if len(counts) == 0:
         notes.append(f"{song.name}: no beats found: the dance keeps the rhythm of its takes")
@@ -129,8 +129,10 @@ def _analysis(
     return features, tuple(notes)
 
 
-def _structure(song: Song, counts: Counts, report: StepReport | None) -> tuple[Sections, Form]:
-    """The sections of a song and its phrases."""
+def song_structure(
+    song: Song, counts: Counts, report: StepReport | None
+) -> tuple[Sections, Form, NDArray[np.float32]]:
+    """The sections of a song, its phrases, and the spectral features (B, 87) that they are found by."""
     bounds_s = phrase_bounds_s(counts, song.duration_s)
     features = spectral_features(song.samples, bounds_s, report=report)
     sections = song_sections(
@@ -139,7 +141,7 @@ def _structure(song: Song, counts: Counts, report: StepReport | None) -> tuple[S
         downbeat_times_s=counts.downbeat_times_s,
         change_times_s=change_times_s(counts),
     )
-    return sections, song_form(features, bounds_s, counts, sections)
+    return sections, song_form(features, bounds_s, counts, sections), features
 
 
 def _level_note(song: Song, changed: Sequence[tuple[Counts, Counts]], genre: str | None) -> str:

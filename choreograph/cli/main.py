@@ -85,7 +85,7 @@ def _log_folders() -> list[Path]:
 
 
 _COMMANDS = {
-    "build-db": "build_db", "convert": "characters:convert",
+    "build-db": "build_db", "convert": "characters:convert", "count": "count",
     "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "library": "library",
     "retarget": "characters:retarget",
     "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio", "study": "study",

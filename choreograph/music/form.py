@@ -49,8 +49,12 @@ class Sections:
     def names(self) -> tuple[str, ...]:
         """A letter for each section. The first one is A, and so is every section that repeats it."""
         order = list(dict.fromkeys(self.labels.tolist()))
-        ranks = [order.index(label) for label in self.labels.tolist()]
-        return tuple(_LETTERS[rank % 26] + (str(rank // 26) if rank >= 26 else "") for rank in ranks)
+        return tuple(letter_name(order.index(label)) for label in self.labels.tolist())
+
+
+def letter_name(rank: int) -> str:
+    """The name of a part of a song: A to Z, then A1 to Z1 and so on."""
+    return _LETTERS[rank % 26] + (str(rank // 26) if rank >= 26 else "")
 
 
 @dataclass(frozen=True)
@@ -114,7 +118,7 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     downbeats = downbeats[downbeats < len(features)]
     if len(downbeats) == 0:
         return Form.empty()
-    away = _distances(features)
+    away = count_distances(features)
     bounds = _phrase_bounds(away, np.append(downbeats, len(features)))
     phrases: list[Phrase] = []
     for start, end in pairwise(bounds.tolist()):
@@ -134,8 +138,8 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     return Form(tuple(phrases))
 
 
-def _distances(features: NDArray[np.floating]) -> Floats:
-    """Distances of any two counts, (N, N), relative to their median."""
+def count_distances(features: NDArray[np.floating]) -> Floats:
+    """Distances of any two rows of spectral features (N, 87), (N, N), relative to their median."""
     groups = []
     for name in _COMPARED:
         columns = features[:, SPECTRAL_COLUMNS[name]].astype(np.float64)

@@ -84,6 +84,7 @@ TABLE = {
         )
     ],
     "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
+    "count": [([["MINE"]], ["-o"], (".csv", ".json", ".txt"))],
     "library merge": [([["MINE"], ["FOLDER/"], ["other.h5", "MINE"]], ["-o"], (".h5",))],
     "study show": [([["FOLDER/"]], ["--json"], (".json",))],
 }

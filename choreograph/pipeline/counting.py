@@ -1,0 +1,198 @@
+"""Counts of any animation or song: tempo, metre, counts, loop points, and figures or phrases."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from choreograph.choreography.loops import Loop, best_loops, pose_distances, song_distances
+from choreograph.choreography.song_analysis import song_structure
+from choreograph.core.counts import FROM_MUSIC, NO_COUNTS, Counts, Figure
+from choreograph.core.errors import ParameterError
+from choreograph.core.files import as_path, atomic_path
+from choreograph.core.numerics import default_numerics, one_thread
+from choreograph.core.timebase import NET_FPS
+from choreograph.formats import motion_suffixes
+from choreograph.formats.register import read_take
+from choreograph.formats.tables import write_counts
+from choreograph.library.building.counting import are_likely_right, load_motion_counter
+from choreograph.library.building.takes import measure_take
+from choreograph.library.builtin import pretrained_set
+from choreograph.library.songs import DEFAULT_BEATS, song_counts
+from choreograph.music.form import Form, letter_name
+from choreograph.music.mel import log_mel
+from choreograph.music.metrical_level import tempo_bpm
+from choreograph.music.song import load_song
+
+MOTION, SONG = "motion", "song"
+_SURE_SONG_CONFIDENCE = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class CountedFile:
+    """The counts of a file, with what follows from them.
+
+    Parameters
+    ----------
+    name : str          of the file, without its suffix
+    kind : str          "motion" or "song"
+    duration_s : float
+    counts : Counts     none if none were found
+    loops : tuple       for each length, the best `Loop`. Its distance is that of the poses in metres, or that
+                        of the music, 1 for any two places of the song
+    figures : tuple     the `Figure`s that are stated with a motion, or the phrases of a song. Those that
+                        repeat each other have the same letter
+    is_sure : bool      whether the counts are stated or likely to be right
+    """
+
+    name: str
+    kind: str
+    duration_s: float
+    counts: Counts
+    loops: tuple[Loop, ...]
+    figures: tuple[Figure, ...]
+    is_sure: bool
+
+    @property
+    def tempo_bpm(self) -> float | None:
+        """Median tempo in counts a minute, or None with fewer than two counts."""
+        return tempo_bpm(self.counts) if len(self.counts) > 1 else None
+
+    def facts(self) -> dict[str, Any]:
+        """All of it as numbers and texts, for JSON."""
+        counts = self.counts
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "duration_s": round(self.duration_s, 4),
+            "tempo_bpm": None if self.tempo_bpm is None else round(self.tempo_bpm, 2),
+            "metre": counts.metre,
+            "source": counts.source,
+            "confidence": round(counts.confidence, 3),
+            "is_sure": self.is_sure,
+            "times_s": [round(time_s, 4) for time_s in counts.times_s.tolist()],
+            "numbers": counts.numbers.tolist(),
+            "loops": [asdict(loop) for loop in self.loops],
+            "figures": [asdict(figure) for figure in self.figures],
+        }
+
+
+@default_numerics()
+@one_thread()
+def count_file(path: str | Path, *, beats: str | Path = DEFAULT_BEATS) -> CountedFile:
+    """The counts of a motion or song: tempo, metre, count 1, loop points, and figures or phrases.
+
+    Counts that lie beside a motion are taken as they are. Otherwise, they are estimated from the motion by
+    the network that counts takes in a build, with the confidence that a count is right.
+
+    Parameters
+    ----------
+    path : str or Path    a motion in any format that is read, or a song or video
+    beats : str or Path   the tracker of a song's beats, or a file of them
+
+    Raises
+    ------
+    ParameterError   there is no such file, or several takes in it, the tracker is not known, or `beats` are
+                     given for a motion
+    FormatError      the file is damaged, or neither a motion nor a song
+
+    Examples
+    --------
+    >>> counted = cg.count_file(cg.example_songs()["waltz"])
+    >>> round(counted.tempo_bpm), counted.counts.metre, counted.kind
+    (90, 3, 'song')
+    """
+    path = as_path("a motion or song to count", path)
+    if not path.exists():
+        raise ParameterError(f"{path}: expected a motion or a song, got nothing: there is no such file")
+    if path.is_dir() or path.suffix.lower() in motion_suffixes():
+        if beats != DEFAULT_BEATS:
+            raise ParameterError(
+                f"{path}: expected a song for the beats {beats}, got a motion: leave out beats"
+            )
+        return _counted_motion(path)
+    return _counted_song(path, beats)
+
+
+def _counted_motion(path: Path) -> CountedFile:
+    measured = measure_take(read_take(path))
+    take, counts, is_sure = measured.take, measured.take.counts, True
+    if not len(counts):
+        counter = load_motion_counter(pretrained_set("default"))
+        counts = NO_COUNTS if counter is None else counter(measured.body_pos_m)
+        is_sure = len(counts) > 0 and are_likely_right(counts)
+    away = pose_distances(measured.body_pos_m, NET_FPS, counts.times_s)
+    return CountedFile(
+        take.name, MOTION, take.motion.duration_s, counts, best_loops(away, counts), take.figures, is_sure
+    )
+
+
+def _counted_song(path: Path, beats: str | Path) -> CountedFile:
+    song = load_song(path)
+    counts = song_counts(song, log_mel(song.samples), beats)
+    if len(counts) < 2:
+        return CountedFile(song.name, SONG, song.duration_s, counts, (), (), False)
+    _, form, features = song_structure(song, counts, None)
+    loops = best_loops(song_distances(features, counts), counts)
+    is_sure = counts.source != FROM_MUSIC or counts.confidence >= _SURE_SONG_CONFIDENCE
+    return CountedFile(song.name, SONG, song.duration_s, counts, loops, _phrases(form), is_sure)
+
+
+def _phrases(form: Form) -> tuple[Figure, ...]:
+    """The phrases of a song. The first one is A, and so is every phrase that repeats it."""
+    ranks = {label: rank for rank, label in enumerate(dict.fromkeys(form.labels))}
+    return tuple(
+        Figure(letter_name(ranks[label]), phrase.start_s, phrase.end_s, phrase.n_counts)
+        for label, phrase in zip(form.labels, form.phrases, strict=True)
+    )
+
+
+# Files of counts: a table (.csv), all facts (.json), and markers that sound editors read (.txt).
+
+
+def save_counts(path: str | Path, counted: CountedFile) -> None:
+    """Write the counts of a file: a table (.csv), JSON (.json), or labels (.txt) as Audacity imports them.
+
+    Raises `ParameterError` for another suffix, or if there are no counts.
+    """
+    path = as_path("a file of counts to write", path)
+    writer = _WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise ParameterError(f"{path}: expected a name ending in .csv, .json or .txt for counts")
+    if not len(counted.counts):
+        raise ParameterError(f"{path}: expected counts to write, got none: {counted.name} has no clear beat")
+    writer(path, counted)
+
+
+def _write_table(path: Path, counted: CountedFile) -> None:
+    write_counts(path, counted.counts, counted.figures)
+
+
+def _write_json(path: Path, counted: CountedFile) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(counted.facts(), indent=1) + "\n", encoding="utf-8")
+
+
+def _write_labels(path: Path, counted: CountedFile) -> None:
+    """A line for each count and figure: start and end in seconds and a text, separated by tabs."""
+    counts = counted.counts
+    marks = [
+        (time_s, time_s, str(number) if number else "count")
+        for time_s, number in zip(counts.times_s.tolist(), counts.numbers.tolist(), strict=True)
+    ]
+    marks += [(figure.start_s, figure.end_s, figure.name) for figure in counted.figures]
+    lines = [
+        f"{start_s:.6f}\t{end_s:.6f}\t{' '.join(text.split())}\n" for start_s, end_s, text in sorted(marks)
+    ]
+    with atomic_path(path) as temporary:
+        temporary.write_text("".join(lines), encoding="utf-8")
+
+
+_WRITERS: Mapping[str, Callable[[Path, CountedFile], None]] = {
+    ".csv": _write_table,
+    ".json": _write_json,
+    ".txt": _write_labels,
+}
