@@ -31,6 +31,7 @@ BUILTIN = (
     "dance_with_melody",  # the dance-with-melody dataset
     "choreonet",  # recordings with figures, and counts of the takes of dance_with_melody
     "aist",  # AIST++
+    "generated",  # dances of EDGE, LODGE, FACT and Bailando
     "amass",  # AMASS
     "bvh",
     "npz",  # exact arrays, also those of SMPL if the skeleton is the canonical one

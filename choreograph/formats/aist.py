@@ -70,11 +70,27 @@ class _ArraysOnly(pickle.Unpickler):
 
 
 def load_arrays(path: Path) -> dict[str, Any]:
-    """The dictionary of arrays and numbers in a pickle.
-
-    Raises `FormatError` if it contains anything else, or if its arrays would be larger than the file.
-    """
+    """The dictionary of arrays and numbers in a pickle. Raises as `arrays_of`."""
     data = read_bytes(path, "a pickle of arrays", max_bytes=_MAX_BYTES)
+    try:
+        return arrays_of(data)
+    except FormatError as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def has_scaling(path: Path) -> bool:
+    """Whether a pickle has the scaling that those of AIST++ have."""
+    try:
+        return b"smpl_scaling" in read_bytes(path, "a pickle of arrays", max_bytes=_MAX_BYTES)
+    except FormatError:
+        return False
+
+
+def arrays_of(data: bytes) -> dict[str, Any]:
+    """The dictionary of arrays and numbers that is pickled in `data`, perhaps as an array of one object.
+
+    Raises `FormatError` if it contains anything else, or if its arrays would be larger than the data.
+    """
     try:
         _check_opcodes(data)
         content = _ArraysOnly(io.BytesIO(data), encoding="latin1").load()
@@ -83,19 +99,19 @@ def load_arrays(path: Path) -> dict[str, Any]:
         MemoryError, OverflowError, struct.error, SystemError,
     ) as error:  # fmt: skip
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(f"{path}: expected a pickle of arrays, got another: {reason}") from None
+        raise FormatError(f"expected a pickle of arrays, got another: {reason}") from None
+    if isinstance(content, np.ndarray) and content.dtype == object and content.size == 1:
+        content = content.item()
     if not isinstance(content, dict):
-        raise FormatError(f"{path}: expected a pickled dictionary of arrays, got {type(content).__name__}")
+        raise FormatError(f"expected a pickled dictionary of arrays, got {type(content).__name__}")
     for name, value in content.items():
         if not isinstance(name, str) or not isinstance(value, np.ndarray | np.generic | int | float | str):
             raise FormatError(
-                f"{path}: expected arrays and numbers by name, got {type(value).__name__}: another pickle?"
+                f"expected arrays and numbers by name, got {type(value).__name__}: another pickle?"
             )
     arrays = [value for value in content.values() if isinstance(value, np.ndarray)]
     if sum(array.nbytes for array in arrays) > 2 * len(data):  # half of latin-1 text may be escaped
-        raise FormatError(
-            f"{path}: expected the numbers of the arrays in the pickle, got shapes without them"
-        )
+        raise FormatError("expected the numbers of the arrays in the pickle, got shapes without them")
     return content
 
 
@@ -129,7 +145,9 @@ def detect(path: Path) -> bool:
     """Whether `path` is a folder with pickles in `motions/`, or one such file."""
     if path.is_file():
         suffix = path.suffix.lower()
-        return suffix == ".pkl" or (suffix == ".npz" and array_names(path).issuperset(_KEYS))
+        return (suffix == ".pkl" and has_scaling(path)) or (
+            suffix == ".npz" and array_names(path).issuperset(_KEYS)
+        )
     return any((path / "motions").glob("[!.]*.pkl"))
 
 

@@ -216,6 +216,12 @@ def _importers_of(source: Path) -> list[Any]:
     raise ParameterError(f"expected takes at {source}, got none of a known layout: {layouts}")
 
 
+def is_motion(path: Path) -> bool:
+    """Whether a file is of a format with motions, by its name or its first bytes."""
+    readers = (format for format in (*added_formats(), *builtin_formats()) if hasattr(format, "read"))
+    return any(_detects(reader, path) for reader in readers)
+
+
 def _detects(importer: Any, source: Path) -> bool:
     if hasattr(importer, "detect"):
         return bool(importer.detect(source))

@@ -15,8 +15,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.timebase import NET_FPS
-from choreograph.formats import motion_suffixes
-from choreograph.formats.register import read_take
+from choreograph.formats.register import is_motion, read_take
 from choreograph.formats.tables import write_counts
 from choreograph.library.building.counting import are_likely_right, load_motion_counter
 from choreograph.library.building.takes import measure_take
@@ -108,7 +107,7 @@ def count_file(path: str | Path, *, beats: str | Path = DEFAULT_BEATS) -> Counte
     path = as_path("a motion or song to count", path)
     if not path.exists():
         raise ParameterError(f"{path}: expected a motion or a song, got nothing: there is no such file")
-    if path.is_dir() or path.suffix.lower() in motion_suffixes():
+    if path.is_dir() or is_motion(path):
         if beats != DEFAULT_BEATS:
             raise ParameterError(
                 f"{path}: expected a song for the beats {beats}, got a motion: leave out beats"
