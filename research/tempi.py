@@ -2,7 +2,7 @@
 
     OMP_NUM_THREADS=1 python -m research.tempi dance-with-melody/ choreonet/ --work FOLDER [--seed 0]
 
-Each take is counted by a network that did not hear its song (five trainings of about a minute).
+Each take is counted by a network that was trained without its song, in five trainings.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 import soundfile
 from command_line import run
@@ -61,6 +62,7 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("files")
     write_character(folder / "hero.glb", CHARACTERS["mixamo"])
     save_motion(folder / "take.bvh", stepping(6 * 30, seed=2))
+    np.save(folder / "other.npy", stepping(6 * 30, seed=3).joint_pos_m())
     (first_beats,) = blocks(PAGES["how-to/beats.md"], "text")
     beats = "".join(f"{beat / 2:.2f} {(beat - 1) % 4 + 1}\n" for beat in range(1, 12))
     assert beats.startswith(first_beats)

@@ -48,11 +48,11 @@ _FOR_SONGS = {
         "choreograph evaluate --db rep.h5 --songs heldout/ --variants baselines --report report.html",
         "choreograph evaluate --db rep.h5 --songs takes/ --only @heldout.txt   beside the real dances",
         "choreograph evaluate dance.bvh song.mp3                 any system's dance",
+        "choreograph evaluate ours.bvh edge.pkl bailando.npy song.mp3   several beside each other",
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
     ),
 )
-@click.argument("dance", required=False, type=_FILE)
-@click.argument("song", required=False, type=_FILE)
+@click.argument("files", nargs=-1, type=_FILE, metavar="[DANCE... SONG]")
 @optgroup.group("Dances")
 @optgroup.option(
     "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
@@ -92,8 +92,7 @@ _FOR_SONGS = {
 )  # fmt: skip
 @optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
-    dance: Path | None,
-    song: Path | None,
+    files: tuple[Path, ...],
     db: tuple[Path, ...],
     folder: Path | None,
     experts: Path | None,
@@ -109,29 +108,29 @@ def command(
     resume: bool,
     quiet: bool,
 ) -> None:
-    """Measure dances that are made with --db to the songs of DIR, or a DANCE (such as a BVH) and its SONG."""
+    """Measure dances that are made with --db to the songs of DIR, or DANCE files of any system to a SONG."""
     from choreograph.evaluation.results import to_json
     from choreograph.evaluation.run import EvaluationConfig
     from choreograph.evaluation.songs import find_songs
     from choreograph.evaluation.variants import variants_named
     from choreograph.music.beats import DEFAULT_TRACKER
 
-    if (folder is None) == (dance is None) or (dance is not None and song is None):
+    if (folder is None) == (not files) or len(files) == 1:
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if dance is not None and (for_songs := _FOR_SONGS & set(given_options())):
+    if files and (for_songs := _FOR_SONGS & set(given_options())):
         raise ParameterError(
             f"expected --songs beside {', '.join(sorted(for_songs))}, got a DANCE: leave it out"
         )
     targets = _targets(report, json_path)
     output = targets[-1] if targets else None
-    beside = folder_beside(output, ".dances") if output is not None and dance is None else None
+    beside = folder_beside(output, ".dances") if output is not None and not files else None
     check_outputs_apart([*targets, beside], named_by=("report", "json_path"))
     if resume and output is None:
         raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
-        if dance is not None and song is not None:
-            evaluation = _of_dance(dance, song, db, duration, beats)
+        if files:
+            evaluation = _of_dances(files[:-1], files[-1], db, duration, beats)
             _write(evaluation, report, json_path)
         else:
             assert folder is not None
@@ -160,8 +159,8 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
     return [check_target(path) for path in given if path is not None]
 
 
-def _of_dance(
-    dance: Path, song: Path, db: tuple[Path, ...], duration: float | None, beats: str
+def _of_dances(
+    dances: Sequence[Path], song: Path, db: tuple[Path, ...], duration: float | None, beats: str
 ) -> Evaluation:
     from choreograph.evaluation.dance_scores import evaluate
     from choreograph.formats.register import load_motion
@@ -170,7 +169,12 @@ def _of_dance(
 
     loaded = load_song(song, duration_s=duration)
     repertoire = as_repertoire(db) if db else None
-    return evaluate(load_motion(dance), loaded, name=str(dance), beats=beats, repertoire=repertoire)
+    motions = {str(dance): load_motion(dance) for dance in dances}
+    if len(motions) < len(dances):
+        raise ParameterError("expected different dances to compare, got one of them twice")
+    [name, *others] = motions
+    measured = motions if others else motions[name]
+    return evaluate(measured, loaded, name=name, beats=beats, repertoire=repertoire)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +28,7 @@ from choreograph.evaluation.results import (
     EXPERT,
     REAL,
     SINGLE,
+    TAKES,
     Evaluation,
     ExampleDance,
     ExampleSong,
@@ -131,23 +133,23 @@ def dance_scores(
 
 @default_numerics()
 def evaluate(
-    motion: Motion,
+    motion: Motion | Mapping[str, Motion],
     song: Song | str | Path,
     *,
     name: str = "dance",
     beats: str | Path = DEFAULT_TRACKER,
     repertoire: Repertoire | str | Path | None = None,
 ) -> Evaluation:
-    """Measure one dance of any system to a song.
+    """Measure dances of any system to a song.
 
     Dance and song start together, and the longer one is cut. `choreograph evaluate DANCE SONG` prints the
     result, and `evaluation.results.to_json` returns it as text.
 
     Parameters
     ----------
-    motion : Motion   the dance
+    motion : Motion or mapping   the dance, or several dances by name, which are compared in one table
     song : Song or path   its song
-    name : str   how the dance is named in the result
+    name : str   how a single dance is named in the result
     beats : str or path   a beat tracker, or a file of beat times in seconds
     repertoire : Repertoire or path, optional   its takes and motifs, to which the dance is compared as well
 
@@ -168,25 +170,34 @@ def evaluate(
     >>> found = cg.evaluate(motion, song)
     >>> 0 <= found.dances[0].scores.values["f_score"] <= 1
     True
+    >>> both = cg.evaluate({"take": motion, "slow": motion.sampled(np.arange(0, 100, 0.5))}, song)
+    >>> list(both.variants)
+    ['take', 'slow']
     """
-    check_kind("the motion to evaluate", motion, Motion)
     check_text("the name of a dance", name)
+    motions = _named(motion, name)
     as_path("beats to measure by", beats)
     song = as_song("a song", song)
     repertoire = None if repertoire is None else as_repertoire(repertoire)
-    check_measurable(motion, name)
-    length_s = min(motion.duration_s, song.duration_s)
-    motion = motion.sliced(0, max(1, round(length_s * motion.fps)))
+    for described, one in motions.values():
+        check_measurable(one, described)
     music = song_music(song, beats)
-    rng = np.random.default_rng(0)
     scorer = MotifScorer(repertoire) if repertoire is not None and repertoire.has_vocabulary else None
-    scores, motifs = dance_scores(CountedDance(SINGLE, song.name, motion), music, rng, scorer=scorer)
     notes = list(song.notes)
-    if repertoire is not None:
-        try:
-            scores |= _realism_scores(motion, song, repertoire, rng)
-        except ParameterError as error:
-            notes.append(f"no Fréchet distances: {error}")
+    measured, examples = [], []
+    for variant, (described, whole) in motions.items():
+        length_s = min(whole.duration_s, song.duration_s)
+        one = whole.sliced(0, max(1, round(length_s * whole.fps)))
+        rng = np.random.default_rng(0)
+        scores, motifs = dance_scores(CountedDance(SINGLE, song.name, one), music, rng, scorer=scorer)
+        if repertoire is not None:
+            try:
+                scores |= _realism_scores(one, song, repertoire, rng)
+            except ParameterError as error:
+                of_one = f" of {described}" if len(motions) > 1 else ""
+                notes.append(f"no Fréchet distances{of_one}: {error}")
+        measured.append(MeasuredDance(variant, song.name, 0, scores))
+        examples.append(ExampleDance(variant, one, None, motifs))
     facts = {
         "choreograph": version("choreograph"),
         "repertoire": repertoire.path.name if repertoire else None,
@@ -201,11 +212,26 @@ def evaluate(
     example = ExampleSong(
         song.name,
         music.beats_s,
-        (ExampleDance(SINGLE, motion, None, motifs),),
+        tuple(examples),
         scorer.template("") if scorer else None,
     )
-    measured = MeasuredDance(SINGLE, song.name, 0, scores)
-    return Evaluation(facts, {SINGLE: name}, (measured,), (), tuple(notes), example)
+    described_as = {variant: described for variant, (described, _) in motions.items()}
+    return Evaluation(facts, described_as, tuple(measured), (), tuple(notes), example)
+
+
+def _named(motion: object, name: str) -> dict[str, tuple[str, Motion]]:
+    """The description and the motion of each dance, by the name of its column."""
+    if not isinstance(motion, Mapping):
+        check_kind("the motion to evaluate", motion, Motion)
+        return {SINGLE: (name, motion)}  # type: ignore[dict-item]  # it was checked
+    if not motion:
+        raise ParameterError("expected a dance or more to evaluate, got none")
+    for of_one, one in motion.items():
+        check_text("the name of a dance", of_one)
+        check_kind("the motion to evaluate", one, Motion)
+        if of_one in (EXPERT, REAL, TAKES):
+            raise ParameterError(f"expected another name of a dance than {of_one!r}, which stands for others")
+    return {of_one: (of_one, one) for of_one, one in motion.items()}
 
 
 def _realism_scores(motion: Motion, song: Song, repertoire: Repertoire, rng: np.random.Generator) -> Scores:

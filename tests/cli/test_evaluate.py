@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from command_line import assert_one_line, run
 from synthetic_motions import stepping
@@ -83,3 +84,16 @@ def test_without_matplotlib_a_report_is_refused_in_one_line(tmp_path, monkeypatc
     page = tmp_path / "r.html"
     assert_one_line(run("evaluate", bvh, song, "--report", page), says="'plots'")
     assert not page.exists()
+
+
+def test_dances_of_several_systems_are_compared_in_one_table(tmp_path, bvh, song):
+    np.save(tmp_path / "other.npy", stepping(180, seed=3).joint_pos_m())
+    result = run("evaluate", bvh, tmp_path / "other.npy", song, "--json", "-")
+    assert result.exit_code == 0, result.output
+    data = json.loads(result.stdout)
+    assert list(data["variants"]) == [str(bvh), str(tmp_path / "other.npy")]
+    alone = json.loads(run("evaluate", bvh, song, "--json", "-").stdout)
+    assert data["dances"][0]["values"] == alone["dances"][0]["values"]
+    assert data["dances"][1]["values"] != alone["dances"][0]["values"]
+    assert_one_line(run("evaluate", bvh, bvh, song), says="got one of them twice")
+    assert_one_line(run("evaluate", bvh), says="expected --songs DIR to dance to, or a DANCE and its SONG")
