@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from choreograph.choreography.constraints import Keep, parse_ban
+from choreograph.choreography.constraints import Keep
 from choreograph.choreography.edits import EditRequest, edit_slots
 from choreograph.choreography.pieces import PieceRequest
 from choreograph.choreography.song_analysis import analyse_song
@@ -22,7 +22,7 @@ from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.pipeline.dancing import Dance, dance_with
+from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.rendering import off_stage, take_motions, with_edit
@@ -259,14 +259,12 @@ class Desk:
         repertoire = self.shelf.open(settings.repertoire, self.folder)
         kept = self._kept(keep_locked, span)
         again: dict[str, Any] = {"existing": self.state.dance, "keep": kept} if kept else {}
-        config = settings.config()
-        if settings.engine != "graph":  # the others have no built-in costs
-            config = replace(config, weights={})
-        made = dance_with(
-            self._dances.memory_of(repertoire), song, repertoire,
-            genre=settings.genre, engine=settings.engine, config=config,
-            bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
-        )  # fmt: skip
+        if kept and settings.engine == "rollout":
+            raise ParameterError(
+                "expected graph or mixer where parts of the dance are kept, got rollout, which generates "
+                "whole dances: unlock all, and change the whole dance"
+            )
+        made = self._dances.made(settings, song, repertoire, report, **again)
         what = json.dumps(changes) if changes else "dance"
         where = "" if span is None else f" {span[0]:g}-{span[1]:g}"
         # A setting of one span is not that of the whole dance.

@@ -26,7 +26,7 @@ from choreograph.settings import DanceConfig
 FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
-ENGINES = ("graph", "mixer")  # whose dances can be rendered from their plans
+ENGINES = ("graph", "mixer", "rollout")
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
 
 EditKind = Literal["swap", "vary", "repeat", "hold", "cut", "pin_take", "pin_motif", "ban"]  # of a page

@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from choreograph.choreography.constraints import parse_ban
 from choreograph.core.numerics import Memory, RecentItems, one_thread
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
-from choreograph.pipeline.dancing import Dance
+from choreograph.pipeline.dancing import Dance, dance_with
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
 from choreograph.studio.facts import motion_data
-from choreograph.studio.project import Project, Step
+from choreograph.studio.project import Project, Settings, Step
 
 _MEMORY_BYTES = 64_000_000  # of what dances to one song have in common
 _MOTION_BYTES = 24_000_000  # of motions of steps, so that undo shows at once
@@ -41,8 +42,26 @@ class StepDances:
     ) -> Dance:
         """The dance of a step, with the takes of the repertoire of its settings."""
         plan = step.plan()
-        motion = self._motion(project, step, plan, repertoire, report)
+        motion = self._motion(project, step, plan, repertoire, song, report)
         return Dance(motion, plan, off_stage(motion, plan.stage), song.path)
+
+    def made(
+        self,
+        settings: Settings,
+        song: Song,
+        repertoire: Repertoire,
+        report: ProgressReport | None,
+        **again: Any,
+    ) -> Dance:
+        """A new dance with these settings, and with arguments for parts that are kept. Raises as `dance`."""
+        config = settings.config()
+        if settings.engine != "graph":  # the others have no built-in costs
+            config = replace(config, weights={})
+        return dance_with(
+            self.memory_of(repertoire), song, repertoire,
+            genre=settings.genre, engine=settings.engine, config=config,
+            bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
+        )  # fmt: skip
 
     def keep(self, step: Step, motion: Motion) -> None:
         """Keep the motion of a step for a while."""
@@ -58,7 +77,13 @@ class StepDances:
 
     @one_thread()
     def _motion(
-        self, project: Project, step: Step, plan: Plan, repertoire: Repertoire, report: ProgressReport | None
+        self,
+        project: Project,
+        step: Step,
+        plan: Plan,
+        repertoire: Repertoire,
+        song: Song,
+        report: ProgressReport | None,
     ) -> Motion:
         """The motion of a step: that of the nearest step before it which is known, with further edits."""
         todo: list[PlannedEdit] = []
@@ -68,10 +93,13 @@ class StepDances:
             todo = [*known.edits[len(parent.edits) :], *todo]
             known, motion = parent, self._motions.get(parent.number)
         if motion is None:
-            rendering = substage(report, "rendering")
             plan.check()
             base = replace(plan, edits=())
-            motion = render_planned(base, repertoire, self.memory_of(repertoire), report=rendering)
+            if base.from_takes:
+                rendering = substage(report, "rendering")
+                motion = render_planned(base, repertoire, self.memory_of(repertoire), report=rendering)
+            else:  # a network danced, which makes the same dance again
+                motion = self.made(known.settings, song, repertoire, report).motion
             todo = list(step.edits)
         read_motion = take_motions(repertoire)
         for one in todo:

@@ -221,3 +221,40 @@ def test_without_a_song_there_is_no_dance(repertoire, tmp_path):
             ask()
     desk.change_settings(0, {"seed": 4})
     assert desk.project.settings.seed == 4
+
+
+@pytest.mark.slow
+def test_a_dance_of_the_network_is_made_edited_undone_and_opened_again(folder):
+    """A rollout cannot be rendered from its plan. It is made again with its settings, to the same bytes."""
+
+    def opened():
+        desk = Desk(folder, starter_repertoire())
+        desk.open(folder / "clicks.wav")
+        desk.load(None, None)
+        return desk
+
+    desk = opened()
+    desk.dance_again(1, {"engine": "rollout", "seed": 2})
+    generated = motion_of(desk)
+    assert desk.state.dance.plan.engine == "rollout" and not desk.state.dance.plan.from_takes
+    desk.edit(2, [Swap(4.0, 6.0)])
+    edited = motion_of(desk)
+    same = (edited == generated).all(axis=(1, 2))
+    assert same[: 3 * 60].all() and same[8 * 60 :].all() and not same[5 * 60]
+    desk.lock(3, [(8.0, 10.0)])
+    with pytest.raises(ParameterError, match="rollout, which generates whole dances"):
+        desk.dance_again(4, {"seed": 3})
+    with pytest.raises(ParameterError, match="whose takes are not known"):
+        desk.edit(4, [Repeat(2.0, 3.0, 5.0)])
+    desk.close()
+    again = opened()
+    assert is_same(motion_of(again), edited)
+    again._dances = StepDances(again.state.repertoire)
+    again.move(again.project.revision, back=True)
+    assert is_same(motion_of(again), generated)
+    again.dance_again(again.project.revision, {"engine": "graph"}, keep_locked=True)  # around what is locked
+    kept = (motion_of(again) == generated).all(axis=(1, 2))
+    assert kept[8 * 60 + 2 : 10 * 60 - 2].all() and not kept.all()
+    facts = again.facts()
+    assert facts["engine"] and facts["blocks"]
+    again.close()
