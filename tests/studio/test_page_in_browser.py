@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import time
 
+import numpy as np
 import pytest
 from browsers import SWIFTSHADER
+from heads_in_blender import bone_heads_m
 from studio_pages import PATIENCE_S, PHONE, WIDE, drop, opening, outside, select, serving, shown, until
 from synthetic_characters import CHARACTERS, write_character
+from synthetic_motions import stepping
 
+from choreograph.formats.fbx import find_blender
 from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.register import load_motion
+from choreograph.formats.register import load_motion, save_motion
+from choreograph.studio import builds
 
 pytestmark = pytest.mark.slow
 
@@ -386,3 +392,113 @@ def test_a_pose_is_held_and_a_span_is_cut_to_a_section(danced, browser):
         until(page, "window.studio !== undefined")
         shown(page)
         assert page.evaluate("studio.dance.blocks.some(({ speed }) => speed === 0)")
+
+
+def drop_folder(page, paths) -> None:
+    """Drop a folder of files on the page. A script cannot make entries of folders, so that one is put there."""
+    page.evaluate(
+        """(files) => {
+             const made = files.map(([name, text]) =>
+               new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
+             const entries = made.map((file) => ({ isFile: true, file: (got) => got(file) }));
+             const parts = [entries, []]; // a reader returns some entries at a time, and at last none
+             const folder = { isFile: false, createReader: () => ({ readEntries: (got) => got(parts.shift()) }) };
+             DataTransferItem.prototype.webkitGetAsEntry = () => folder;
+             const transfer = new DataTransfer();
+             transfer.items.add(new File([], "takes"));
+             for (const name of ["dragenter", "dragover", "drop"]) {
+               const event = new DragEvent(name, { dataTransfer: transfer, bubbles: true, cancelable: true });
+               document.getElementById("stage").dispatchEvent(event);
+             }
+           }""",
+        [[path.name, base64.b64encode(path.read_bytes()).decode("ascii")] for path in paths],
+    )
+
+
+def test_a_folder_of_takes_is_dropped_built_and_danced_with(browser, tmp_path, song, monkeypatch):
+    build = builds.build  # with the preset of the quickest build, since the page has no choice of presets
+    monkeypatch.setattr(builds, "build", lambda takes, output, preset, job: build(takes, output, "tiny", job))
+    paths = []
+    for seed in range(2):
+        paths.append(tmp_path / f"walk{seed}.bvh")
+        save_motion(paths[-1], stepping(24 * 30, seed=seed))
+    (tmp_path / "work").mkdir()
+    with serving(tmp_path / "work") as address, opening(browser, address) as page:
+        drop(page, song)
+        until(page, "studio.playing && studio.time > 0.1")
+        drop_folder(page, paths)
+        until(page, "/walk1.bvh/.test(document.getElementById('build-log').textContent)")
+        page.reload()  # the build goes on without the page, but is not danced with
+        until(page, "window.studio !== undefined")
+        shown(page)
+        drop_folder(page, paths)
+        until(page, "studio.dance && studio.dance.takes.every(({ name }) => /^walk/.test(name))")
+        shown(page)
+        assert "my-takes.h5" in page.inner_text("#repertoire")
+        page.click("#undo")
+        shown(page, "studio.dance.takes.some(({ name }) => !/^walk/.test(name))")
+
+
+def test_a_motif_is_dragged_from_the_palette_to_the_timeline(danced, browser):
+    with opening(browser, danced) as page:
+        shown(page)
+        revision = page.evaluate("studio.revision")
+        page.click("#tab-palette")
+        until(
+            page,
+            "[...document.querySelectorAll('#palette-list button')].some((b) => /motif/.test(b.ariaLabel))",
+        )
+        card = page.locator("#palette-list button", has_text="motif").first
+        motif = int(card.locator(".why").inner_text().removeprefix("motif "))
+        box = page.locator("#timeline").bounding_box()
+        x = box["width"] * 7.0 / page.evaluate("studio.dance.duration_s")
+        card.drag_to(page.locator("#timeline"), target_position={"x": x, "y": 40})
+        shown(page, f"studio.revision > {revision}")
+        assert page.evaluate("studio.dance.edits.at(-1).request").startswith("pin ")
+        words = page.evaluate("studio.dance.words.concat(studio.dance.blocks).map(({ motif }) => motif)")
+        assert motif in words
+        page.reload()
+        until(page, "window.studio !== undefined")
+        shown(page)
+        page.click("#undo")
+        shown(page, f"studio.revision > {revision + 1}")
+
+
+def test_a_bone_is_changed_and_the_character_is_written_for_blender(browser, tmp_path, song):
+    """The file is opened in Blender where there is one, and by our reader in any case."""
+    write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
+    (tmp_path / "work").mkdir()
+    with (
+        serving(tmp_path / "work") as address,
+        opening(browser, address, accept_downloads=True) as page,
+    ):
+        drop(page, song)
+        until(page, "studio.playing && studio.time > 0.1")
+        drop(page, tmp_path / "hero.glb")
+        shown(page, "studio.character === 'hero.glb'")
+        page.click("#tab-character")
+        select_head = page.locator("#bones select").nth(page.evaluate("studio.joints.indexOf('head')"))
+        before = select_head.input_value()
+        select_head.select_option("")
+        until(page, "studio.bones && !('head' in studio.bones)")
+        page.reload()
+        until(page, "window.studio !== undefined")
+        shown(page, "!('head' in studio.bones)")
+        page.click("#tab-character")
+        select_head.select_option(before)
+        until(page, f"studio.bones.head === {json.dumps(before)}")
+        shown(page)
+        page.click("#to-export")
+        page.check("[name=format][value=glb]")
+        path = exported(page, tmp_path)
+    motion = load_motion(path)
+    assert motion.duration_s == pytest.approx(12.4, abs=0.1)
+    if find_blender() is not None:
+        frames = [0, 120, 600]
+        heads = bone_heads_m([path], frames, 60.0, tmp_path)[path.name]
+        names = [name.rpartition(":")[2] for name in heads]
+        assert "Hips" in names and "Head" in names
+        hips_m = np.array(heads[list(heads)[names.index("Hips")]])
+        assert np.abs(np.diff(hips_m, axis=0)).max() > 0.01  # it dances there
+        ours_m = motion.root_pos_m[frames]
+        assert np.abs((hips_m - hips_m[0]) - (ours_m - ours_m[0])).max() < 0.02

@@ -236,6 +236,8 @@ class Studio {
       get shownRevision() { return Number($("stage").dataset.revision ?? -1); },
       get span() { return store.span; },
       get character() { return store.state?.character?.name ?? null; },
+      get bones() { return store.state?.character?.bones ?? null; },
+      get joints() { return store.state?.character?.joints ?? []; },
       get differences() { return studio.lanes?.differences ?? []; },
       get locks() { return store.state?.locks ?? []; },
       get dance() { return store.dance; },
