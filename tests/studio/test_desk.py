@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from faults.injection import small_disk
 
 from choreograph.choreography.edits import Repeat, Swap, Vary, slot_bounds_s
 from choreograph.core.errors import ChoreographError, ParameterError
@@ -258,3 +259,50 @@ def test_a_dance_of_the_network_is_made_edited_undone_and_opened_again(folder):
     facts = again.facts()
     assert facts["engine"] and facts["blocks"]
     again.close()
+
+
+def fill(path):
+    """Write a file until its disk is full."""
+    try:
+        with open(path, "wb", buffering=0) as file:
+            while file.write(bytes(4096)):
+                pass
+    except OSError:
+        return
+
+
+@pytest.fixture
+def disk(tmp_path):
+    try:
+        with small_disk(tmp_path / "disk", 4 << 20):
+            yield tmp_path / "disk"
+    except OSError as error:
+        pytest.skip(f"no small disk on this machine: {error}")
+
+
+def test_a_full_disk_loses_no_edit(repertoire, song, disk):
+    """An edit that cannot be written is refused in one line, and all before it are in the file."""
+    (disk / "clicks.wav").write_bytes(song.read_bytes())
+    desks = [Desk(disk, repertoire), Desk(disk, repertoire)]
+    try:
+        desk, again = desks
+        desk.open(disk / "clicks.wav")
+        desk.load(None, None)
+        desk.edit(1, [Swap(2.0, 4.0)])
+        saved, shown, before = desk.file.read_bytes(), motion_of(desk), set(disk.iterdir())
+        fill(disk / "filling")
+        with pytest.raises(ChoreographError, match=r"space|written|write") as refused:
+            desk.edit(2, [Swap(6.0, 8.0)])
+        assert "\n" not in str(refused.value) and desk.project.revision == 2
+        assert desk.file.read_bytes() == saved and is_same(motion_of(desk), shown)
+        assert set(disk.iterdir()) == before | {disk / "filling"}
+        (disk / "filling").unlink()
+        desk.edit(2, [Swap(6.0, 8.0)])
+        last = motion_of(desk)
+        desk.close()
+        again.open(disk / "clicks.wav")
+        again.load(None, None)
+        assert is_same(motion_of(again), last) and again.project.revision == 3
+    finally:
+        for one in desks:
+            one.close()

@@ -395,14 +395,15 @@ def test_a_pose_is_held_and_a_span_is_cut_to_a_section(danced, browser):
 
 
 def drop_folder(page, paths) -> None:
-    """Drop a folder of files on the page. A script cannot make entries of folders, so that one is put there."""
+    """Drop a folder of files on the page. A script cannot make the entry of a folder, so one is put there."""
     page.evaluate(
         """(files) => {
              const made = files.map(([name, text]) =>
                new File([Uint8Array.from(atob(text), (c) => c.charCodeAt(0))], name));
              const entries = made.map((file) => ({ isFile: true, file: (got) => got(file) }));
              const parts = [entries, []]; // a reader returns some entries at a time, and at last none
-             const folder = { isFile: false, createReader: () => ({ readEntries: (got) => got(parts.shift()) }) };
+             const reader = { readEntries: (got) => got(parts.shift()) };
+             const folder = { isFile: false, createReader: () => reader };
              DataTransferItem.prototype.webkitGetAsEntry = () => folder;
              const transfer = new DataTransfer();
              transfer.items.add(new File([], "takes"));
