@@ -125,6 +125,7 @@ class Desk:
                 report("reading the song", 0, 0)
             song = load_song(self.folder / self.project.song)
         self.state = replace(self.state, song=song)
+        self._dances = StepDances(self.state.repertoire, song.duration_s)
         current = self.project.current
         if current is not None:
             dance = self._dance_of(current, report)

@@ -18,23 +18,26 @@ from choreograph.render.rendering import off_stage, render_planned, take_motions
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Project, Settings, Step
 
-_MEMORY_BYTES = 64_000_000  # of what dances to one song have in common
-_MOTION_BYTES = 24_000_000  # of motions of steps, so that undo shows at once
+_MEMORY_BYTES = 32_000_000  # of what dances to one song have in common
+_MEMORY_BYTES_PER_S = 700_000  # of the song, in addition
+_MOTION_BYTES_PER_S = 300_000  # of motions of steps, six of them, so that undo shows at once
 _COMPRESSED_BYTES = 1 << 22  # of motions as they are sent
 
 
 class StepDances:
     """The dances to one song. The motions of those that were used last are kept."""
 
-    def __init__(self, repertoire: Repertoire) -> None:
-        self._memory = repertoire, Memory(_MEMORY_BYTES)
-        self._motions: RecentItems[Motion] = RecentItems(_MOTION_BYTES)
+    def __init__(self, repertoire: Repertoire, duration_s: float = 60.0) -> None:
+        """Keep what fits in memory for a song of this length."""
+        self._memory_bytes = _MEMORY_BYTES + round(_MEMORY_BYTES_PER_S * duration_s)
+        self._memory = repertoire, Memory(self._memory_bytes)
+        self._motions: RecentItems[Motion] = RecentItems(round(_MOTION_BYTES_PER_S * duration_s))
         self._compressed: RecentItems[dict[str, Any]] = RecentItems(_COMPRESSED_BYTES)
 
     def memory_of(self, repertoire: Repertoire) -> Memory:
         """What the dances with a repertoire have in common. Only that of the last repertoire is kept."""
         if repertoire is not self._memory[0]:
-            self._memory = repertoire, Memory(_MEMORY_BYTES)
+            self._memory = repertoire, Memory(self._memory_bytes)
         return self._memory[1]
 
     def dance(

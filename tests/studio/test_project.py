@@ -99,7 +99,7 @@ def test_a_step_with_edits_is_short(plans):
         (lambda d: d.update(at=9), "place in its path"),
         (lambda d: d.update(at="0"), "place in its path"),
         (lambda d: d.update(locks=[[3, "x"]]), "two times"),
-        (lambda d: d.update(settings={"engine": "rollout"}), "engine"),
+        (lambda d: d.update(settings={"engine": "none"}), "engine"),
         (lambda d: d["steps"][0].update(plan="not base64!"), "base64"),
         (lambda d: d["steps"][0].update(plan="AAAA"), "compressed plan"),
         (lambda d: d["steps"][1].update(parent=99), "99"),
@@ -126,7 +126,7 @@ def test_another_file_is_refused(text):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"colour": 1}, {"engine": "rollout"}, {"seed": -1}, {"seed": "x"}, {"weights": {"pace": "much"}},
+        {"colour": 1}, {"engine": "none"}, {"seed": -1}, {"seed": "x"}, {"weights": {"pace": "much"}},
         {"weights": 3}, {"genre": 7}, {"bans": "take:a"}, {"dynamics": 2.0}, {"stage": "large"},
         {"front": []}, {"repertoire": 3},
     ],
