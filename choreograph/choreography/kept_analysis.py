@@ -54,18 +54,14 @@ def kept_song(path: str | Path, *, start_s: float, duration_s: float | None) -> 
         return decode()
     entries = KeptEntries(folder, _MAX_SONG_BYTES, ".json")
     key = digest(program(), libraries(), Path(path).stem, sha256_of(path), start_s, duration_s)
-    content = entries.read(key)
+    content, decoded = entries.read(key), None
     if content is None:
-        song = decode()
-        about = {
-            "notes": song.notes, "n_samples": len(song.samples), "sha256": song.samples_sha256.hex(),
-        }  # fmt: skip
-        entries.write(key, json.dumps(about).encode())
-        return song
-    about = json.loads(content)
-    return KnownSong(
-        decode, Path(path), tuple(about["notes"]), start_s, about["n_samples"], bytes.fromhex(about["sha256"])
-    )
+        decoded = decode()
+        about = [decoded.notes, len(decoded.samples), decoded.samples_sha256.hex()]
+        content = json.dumps(about).encode()
+        entries.write(key, content)
+    notes, n_samples, sha256 = json.loads(content)
+    return KnownSong(decode, Path(path), tuple(notes), start_s, n_samples, bytes.fromhex(sha256), decoded)
 
 
 def kept_analysis(

@@ -99,38 +99,44 @@ class Song:
 
 
 class KnownSong(Song):
-    """A song of which all is known but the samples, which are decoded when they are used."""
+    """A song of a file of which all is known but the samples, which are decoded when they are used."""
 
     def __init__(
         self, decode: Callable[[], Song], path: Path, notes: tuple[str, ...], start_s: float,
-        n_samples: int, samples_sha256: bytes,
+        n_samples: int, samples_sha256: bytes, decoded: Song | None = None,
     ) -> None:  # fmt: skip
-        """The song of a file. `decode` decodes it."""
+        """The song that `decode` returns, or has returned before as `decoded`."""
+        self._decode: Callable[[], Song]
+        self._decoded: Song | None
+        self._n_samples: int
         vars(self).update(
             name=path.stem, path=path, notes=notes, start_s=start_s, samples_sha256=samples_sha256,
-            _decode=decode, _n_samples=n_samples,
+            _decode=decode, _decoded=decoded, _n_samples=n_samples,
         )  # fmt: skip
 
     def __getattr__(self, name: str) -> Any:
         if name != "samples":
             raise AttributeError(name)
-        vars(self)["samples"] = self._whole.samples
-        return self.samples
+        return self._whole().samples
 
-    @cached_property
     def _whole(self) -> Song:
-        song: Song = vars(self)["_decode"]()
-        return song
+        if self._decoded is None:
+            vars(self)["_decoded"] = self._decode()
+        decoded: Song = vars(self)["_decoded"]
+        return decoded
+
+    def forget_samples(self) -> None:
+        """Free the memory of the samples. They are decoded again if they are used again."""
+        vars(self)["_decoded"] = None
 
     @property
     def duration_s(self) -> float:
         """Length in seconds."""
-        n_samples: int = vars(self)["_n_samples"]
-        return n_samples / SAMPLE_RATE_HZ
+        return self._n_samples / SAMPLE_RATE_HZ
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
         """As `Song.part`."""
-        return self._whole.part(start_s, duration_s)
+        return self._whole().part(start_s, duration_s)
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:

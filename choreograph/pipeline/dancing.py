@@ -37,7 +37,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.music.song import Song, as_song, check_span
+from choreograph.music.song import KnownSong, Song, as_song, check_span
 from choreograph.pipeline.keeping import (
     ExistingDance,
     fill,
@@ -342,6 +342,8 @@ def _danced(
         song, repertoire, beats=config.beats, genre=requested.genre, keep=config.cache,
         report=substage(report, "analysing the song"), memory=memory,
     )  # fmt: skip
+    if isinstance(song, KnownSong):
+        song.forget_samples()  # of which an hour has 0.3 GB
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)

@@ -13,18 +13,20 @@ import argparse
 import platform
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from processes import process_table, processes
-from stages import measured, song_of, unit_s
+from stages import REST, measured, song_of, unit_s
 
 import choreograph as cg
 from choreograph.choreography.graph import engine as graph_engine
-from choreograph.choreography.graph.forward import cheapest_predecessors
+from choreograph.choreography.graph import forward
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.music.beats import cached_librosa
 
@@ -87,11 +89,23 @@ def warps() -> tuple[float, float]:
     return ours, 32 * loop
 
 
-def searches(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[float, float, float]:
-    """The exact plan, its forward pass alone, and a Viterbi search over float32 edges of the same layers.
+# What an exact plan does, besides the search itself.
+PARTS_OF_PLAN = {
+    "costs of edges": (
+        "choreography.graph.forward:Steps._edges",
+        *(f"choreography.graph.forward:_CompiledEdges.{name}" for name in ("of_pairs", "bound", "cheapest")),
+    ),
+    "costs of nodes": ("choreography.graph.planners:allowed_nodes",),
+    "what was danced so far": ("choreography.graph.planners:with_history",),
+    "greedy path beside it": ("choreography.graph.planners:_GreedyPath.extend",),
+    "cheap nodes, and their edges": ("choreography.graph.cheap_nodes:CheapSoFar.add",),
+    "local search": ("choreography.graph.planners:_improved",),
+    "costs of the path": ("choreography.graph.planners:_path_with_costs",),
+}
 
-    The bare search reads its edges, one for each pair of nodes of two seconds, from an array.
-    """
+
+def planned(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[Callable[[], object], list]:
+    """An exact plan whose layers are known, and these layers."""
     calls: list[tuple] = []
     plan_path = graph_engine._plan_path
 
@@ -105,21 +119,93 @@ def searches(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[flo
     source = calls[0][0]
     layers = [source.layer(second) for second in range(source.n_seconds)]
     source.layer = layers.__getitem__  # layers are no part of the search
+    return partial(plan_path, *calls[0]), layers
+
+
+class _KnownEdges(forward._Edges):
+    """Edges that are read from an array (P, N). Which nodes continue others is known, too."""
+
+    def __init__(self, edges, successors) -> None:
+        self._edges, self.successors = edges, successors
+
+    def of_pairs(self, here, there):
+        return self._edges[here, there]
+
+    def bound(self, costs):
+        return np.full(self._edges.shape[1], -np.inf)
+
+    def cheapest(self, block, part, beyond, most):
+        edges = self._edges[block] if len(part) == self._edges.shape[1] else self._edges[block][:, part]
+        rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
+        forward.cheapest_predecessors(beyond, edges, least, rows)
+        return rows, edges[rows, np.arange(len(part))]
+
+
+def searches(layers: list) -> tuple[Callable[[], float], Callable[[], float]]:
+    """The steps of the exact search, and a bare Viterbi search, over the same float32 edges in arrays.
+
+    There is an edge between each two nodes of consecutive layers. Both return the cost of the cheapest path,
+    but the bare search keeps no path.
+    """
     most = max(layer.n_nodes for layer in layers)
-    edges = np.random.default_rng(0).random((most, most), np.float32)
+    random = np.random.default_rng(0).random((most, most), np.float32)
+    edges = [np.ascontiguousarray(random[: a.n_nodes, : b.n_nodes]) for a, b in pairwise(layers)]
 
-    def bare() -> None:
+    known = [
+        _KnownEdges(of_pair, a.successors_in(b))
+        for of_pair, (a, b) in zip(edges, pairwise(layers), strict=True)
+    ]
+
+    def own() -> float:
+        with ThreadPoolExecutor(1) as pool:
+            step = forward.Steps((), None, pool)
+            step._edges = lambda layer, following: known[layer.second]
+            reached, parents = np.zeros(layers[0].n_nodes), []
+            for layer, following in pairwise(layers):
+                reached, parent = step(layer, following, reached)
+                parents.append(parent)
+        return float(reached.min())
+
+    def bare() -> float:
         reached = np.zeros(layers[0].n_nodes, np.float32)
-        for layer in layers[1:]:
-            least, rows = np.full(layer.n_nodes, np.inf, np.float32), np.zeros(layer.n_nodes, np.int32)
-            here = np.ascontiguousarray(edges[: len(reached), : layer.n_nodes])
-            cheapest_predecessors(reached, here, least, rows)
+        for of_second in edges:
+            n_nodes = of_second.shape[1]
+            least, rows = np.full(n_nodes, np.inf, np.float32), np.zeros(n_nodes, np.int32)
+            forward.cheapest_predecessors(reached, of_second, least, rows)
             reached = least
+        return float(reached.min())
 
-    plan = partial(plan_path, *calls[0])
-    whole, of_bare = compared(plan, bare, 3)
-    spent = measured(plan)
-    return whole, spent["exact search"], of_bare
+    assert abs(own() - bare()) < 1e-3
+    return own, bare
+
+
+def plan_table(plan: Callable[[], object], layers: list) -> list[str]:
+    """What the parts of an exact plan take, beside a bare search, as lines of a table in Markdown."""
+    own, bare = searches(layers)
+    plan_s, bare_s = compared(plan, bare, 5)
+    own_s, own_bare_s = compared(own, bare, 9)
+    spent = measured(plan, PARTS_OF_PLAN)
+    spent["search itself: best predecessors, pruning and the way back"] = spent.pop(REST)
+    whole_s = sum(spent.values())
+    n_edges = sum(a.n_nodes * b.n_nodes for a, b in pairwise(layers))
+    lines = [
+        f"An exact plan of {len(layers)} s has {sum(layer.n_nodes for layer in layers):,} nodes and "
+        f"{n_edges:,} edges between nodes of consecutive seconds. The bare search reads the cost of each "
+        "edge from an array of float32. The planner computes these costs, of which some depend on what was "
+        "danced so far, and improves the path afterwards.",
+        "",
+        "| part of the plan | s | share | times the bare search |",
+        "| --- | --- | --- | --- |",
+    ]
+    for name, cpu_s in sorted(spent.items(), key=lambda item: -item[1]):
+        lines.append(f"| {name} | {cpu_s:.3f} | {cpu_s / whole_s:.0%} | {cpu_s / bare_s:.1f} |")
+    return [
+        *lines,
+        f"| whole plan | {plan_s:.3f} | | {plan_s / bare_s:.1f} |",
+        f"| the steps of the search alone, which read the same edges from arrays | {own_s:.4f} | | "
+        f"{own_s / own_bare_s:.1f} |",
+        f"| bare float32 Viterbi search | {bare_s:.4f} | | 1 |",
+    ]
 
 
 def changes(song: Path, seconds: float, repertoire: cg.Repertoire) -> dict[str, tuple[float, float]]:
@@ -154,7 +240,7 @@ def main() -> None:
         first = songs[SONGS_S[0]]
         stages = stage_table(songs, repertoire)
         ours_s, loop_s = warps()
-        plan_s, forward_s, bare_s = searches(first, SONGS_S[0], repertoire)
+        of_plan = plan_table(*planned(first, SONGS_S[0], repertoire))
         changed = changes(first, SONGS_S[0], repertoire)
         of_processes = processes(Path(folder))
     lines = [
@@ -177,6 +263,10 @@ def main() -> None:
         "",
         *process_table(of_processes),
         "",
+        "## Exact plan and bare search",
+        "",
+        *of_plan,
+        "",
         "## Ratios",
         "",
         "Each pair was measured by turns in the same run.",
@@ -186,8 +276,6 @@ def main() -> None:
     ]
     pairs = {
         f"{N_WARPS} warps": (ours_s, "librosa's DTW in a loop", loop_s),
-        "exact plan of 60 s": (plan_s, "bare float32 Viterbi", bare_s),
-        "its forward pass": (forward_s, "bare float32 Viterbi", bare_s),
         **{f"{name} in a session": (own_s, "made anew", anew_s) for name, (own_s, anew_s) in changed.items()},
     }
     for what, (own_s, other, other_s) in pairs.items():

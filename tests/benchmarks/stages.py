@@ -12,7 +12,7 @@ import argparse
 import importlib
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -51,7 +51,7 @@ STAGES = {  # name: functions, each as module:qualified name
 }
 
 
-def measured(make: Callable[[], object]) -> dict[str, float]:
+def measured(make: Callable[[], object], stages: Mapping[str, tuple[str, ...]] = STAGES) -> dict[str, float]:
     """CPU seconds of each stage of what `make` does, and of the rest."""
     spent: Counter[str] = Counter()
     open_stages: list[float] = []  # CPU seconds of the stages inside each open one
@@ -70,15 +70,17 @@ def measured(make: Callable[[], object]) -> dict[str, float]:
 
         return run
 
-    with _replaced(timed):
+    with _replaced(timed, stages):
         timed(REST, make)()
     return dict(spent)
 
 
 @contextmanager
-def _replaced(timed: Callable[[str, Callable[..., Any]], Callable[..., Any]]) -> Iterator[None]:
+def _replaced(
+    timed: Callable[[str, Callable[..., Any]], Callable[..., Any]], stages: Mapping[str, tuple[str, ...]]
+) -> Iterator[None]:
     with ExitStack() as stack:
-        for name, places in STAGES.items():
+        for name, places in stages.items():
             for place in places:
                 module, _, path = place.partition(":")
                 *owners, function = path.split(".")
