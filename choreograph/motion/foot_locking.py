@@ -65,9 +65,14 @@ def lock_feet(
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
-    pos_m, global_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
+    blocks = list(frame_blocks(motion.n_frames))  # all joints of a long motion are large
+
+    def world(block: slice) -> tuple[Floats, Floats]:
+        return forward(skeleton, motion.root_pos_m[block], motion.local_quat[block])
+
     if contacts is None:
-        contacts = foot_contacts(pos_m[:, body_indices(skeleton)], motion.fps)
+        body = body_indices(skeleton)
+        contacts = foot_contacts(np.concatenate([world(block)[0][:, body] for block in blocks]), motion.fps)
     confidence: Floats = np.asarray(contacts, np.float64)
     if confidence.shape != (motion.n_frames, 4):
         raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {confidence.shape}")
@@ -76,20 +81,34 @@ def lock_feet(
     ease = lift_frames(motion.fps)
     targets = {}
     given_m = np.zeros((motion.n_frames, 2, 3)) if feet_shift_m is None else feet_shift_m
-    for index, side in enumerate(SIDES):
-        ankle, given = roles[f"{side}_ankle"], given_m[:, index]
-        points_m = pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]] + given[:, None]  # (T, 2, 3)
+    feet = zip(*([_of_foot(skeleton, roles, side, *world(b)) for side in SIDES] for b in blocks), strict=True)
+    for index, (side, of_blocks) in enumerate(zip(SIDES, feet, strict=True)):
+        foot_m, sole_m, wrong = (np.concatenate(parts) for parts in zip(*of_blocks, strict=True))
+        given = given_m[:, index]
+        points_m = foot_m + given[:, None]  # (T, 2, 3)
         shift = locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
-        sole_m = foot_sole_pos_m(skeleton, pos_m, global_quat, side) + given[:, None]
-        shift[:, 1] = lift(sole_m, floor_m, ease)
+        shift[:, 1] = lift(sole_m + given[:, None], floor_m, ease)
         shift += given
-        wrong = wrong_knee(skeleton, roles, side, pos_m, global_quat)
-        targets[side] = pos_m[:, ankle] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
-    for side, target in targets.items():
-        move_leg(skeleton, roles, side, pos_m, global_quat, target)
-    for block in frame_blocks(motion.n_frames):
-        global_quat[block] = to_local(skeleton, global_quat[block])
-    return replace(motion, local_quat=rot.make_continuous(global_quat, out=global_quat))
+        targets[side] = foot_m[:, 0] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
+    local_quat = np.empty(motion.local_quat.shape)
+    for block in blocks:
+        pos_m, global_quat = world(block)
+        for side, target in targets.items():
+            move_leg(skeleton, roles, side, pos_m, global_quat, target[block])
+        local_quat[block] = to_local(skeleton, global_quat)
+    return replace(motion, local_quat=rot.make_continuous(local_quat, out=local_quat))
+
+
+def _of_foot(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Ankle and ball of a foot (T, 2, 3), its sole (T, S, 3), and how wrong its knee is bent (T,)."""
+    ankle = roles[f"{side}_ankle"]
+    return (
+        pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]],
+        foot_sole_pos_m(skeleton, pos_m, global_quat, side),
+        wrong_knee(skeleton, roles, side, pos_m, global_quat),
+    )
 
 
 def lift_frames(fps: float) -> int:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import reprlib
+import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -53,6 +56,7 @@ from choreograph.render.rendering import off_stage, render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
+_LONG_S = 600.0  # of a song whose free memory is returned
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,6 +348,7 @@ def _danced(
     )  # fmt: skip
     if isinstance(song, KnownSong):
         song.forget_samples()  # of which an hour has 0.3 GB
+    _return_memory(song_features.duration_s)
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
@@ -354,6 +359,7 @@ def _danced(
     )
     if kept is None:
         result = engine.plan(request)
+        _return_memory(song_features.duration_s)
         motion = result.motion
         if motion is None:
             motion = render_planned(result.plan, repertoire, memory, report=substage(report, "rendering"))
@@ -363,6 +369,16 @@ def _danced(
     notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
+
+
+def _return_memory(duration_s: float) -> None:
+    """Give memory that is free to the system, in a long song and where the C library can: 0.6 GB in an hour.
+
+    It would stay in small gaps, which the large arrays of the next stage do not fit into.
+    """
+    if duration_s > _LONG_S and sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # of another C library
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:

@@ -29,6 +29,7 @@ _ACCENT = 0.5  # of a rise of the energy within 2 s, added to the energy of its 
 _MEAN_POSE_S = 0.6  # standard deviation of the Gaussian that averages poses: about a count to each side
 _USUAL_PERCENTILE = 75  # of the energy, at which a dance has the size of the takes
 _NEARLY_USUAL = 0.1  # of the energy. A rise to a softer second is no accent
+_JOINTS_AT_ONCE = 6  # whose rotations are copied to average them
 _STEP = 0.05  # of amplitudes, so that a song of one loudness has none
 _KEPT_RAD = 0.8, 3.0  # excursions from the mean pose up to the first are scaled, and from the second on kept
 
@@ -66,23 +67,24 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
         side: [j for j in range(skeleton.n_joints) if roles[f"{side}_ankle"] in ancestors(skeleton, j)]
         for side in SIDES
     }
-    before_m, before_quat = forward(skeleton, motion.root_pos_m, motion.local_quat)
-    before = {
-        side: (before_m[:, roles[f"{side}_ankle"]].copy(), before_quat[:, feet[side]]) for side in SIDES
-    }
-    del before_m, before_quat  # a long dance is large
+    blocks = list(frame_blocks(motion.n_frames))  # all joints of a long dance are large
+    ankles = [roles[f"{side}_ankle"] for side in SIDES]
+    parts_m = [forward(skeleton, motion.root_pos_m[b], motion.local_quat[b])[0][:, ankles] for b in blocks]
+    ankle_m = np.concatenate(parts_m)  # (T, 2, 3)
     root_pos_m = _scaled_path(motion.root_pos_m, scale, motion.fps)
-    moved_m, global_quat = forward(skeleton, root_pos_m, _scaled_turns(motion.local_quat, scale, motion.fps))
-    for side, (ankle_m, foot_quat) in before.items():
-        global_quat[:, feet[side]] = foot_quat  # the foot keeps its rotation
-        away_m = ankle_m - motion.root_pos_m
-        mean_m = _smooth(away_m, motion.fps)
-        target_m = root_pos_m + mean_m + scale * (away_m - mean_m)
-        target_m[:, 1] = ankle_m[:, 1]  # a lower foot would slide on the floor
-        move_leg(skeleton, roles, side, moved_m, global_quat, target_m)
-    for block in frame_blocks(motion.n_frames):
-        global_quat[block] = to_local(skeleton, global_quat[block])
-    local_quat = rot.make_continuous(global_quat, out=global_quat)
+    away_m = ankle_m - motion.root_pos_m[:, None]
+    mean_m = _smooth(away_m, motion.fps)
+    target_m = root_pos_m[:, None] + mean_m + scale[:, None] * (away_m - mean_m)
+    target_m[..., 1] = ankle_m[..., 1]  # a lower foot would slide on the floor
+    local_quat = _scaled_turns(motion.local_quat, scale, motion.fps)
+    for block in blocks:
+        _, before_quat = forward(skeleton, motion.root_pos_m[block], motion.local_quat[block])
+        moved_m, global_quat = forward(skeleton, root_pos_m[block], local_quat[block])
+        for index, side in enumerate(SIDES):
+            global_quat[:, feet[side]] = before_quat[:, feet[side]]  # the foot keeps its rotation
+            move_leg(skeleton, roles, side, moved_m, global_quat, target_m[block, index])
+        local_quat[block] = to_local(skeleton, global_quat)
+    local_quat = rot.make_continuous(local_quat, out=local_quat)
     return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
 
 
@@ -105,7 +107,9 @@ def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Floats:
 
     A large excursion is kept, because the other way round would be as far.
     """
-    scaled = _smooth(rot.make_continuous(local_quat), fps)  # (T, J, 4)
+    scaled = np.empty(local_quat.shape)  # (T, J, 4)
+    for joints in frame_blocks(local_quat.shape[1], _JOINTS_AT_ONCE):
+        scaled[:, joints] = _smooth(rot.make_continuous(local_quat[:, joints]), fps)
     for block in frame_blocks(len(scaled)):
         mean_quat = rot.normalize(scaled[block])
         excursion = rot.to_rotvec(rot.multiply(rot.invert(mean_quat), local_quat[block]))  # (T_b, J, 3)

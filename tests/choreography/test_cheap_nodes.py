@@ -20,7 +20,7 @@ def test_without_poses_the_dance_is_the_same(n_cheap, monkeypatch):
     kept, without_poses = [], cheap_nodes._without_poses
     monkeypatch.setattr(cheap_nodes, "_MOST_WHOLE_S", 0)
     monkeypatch.setattr(
-        cheap_nodes, "_without_poses", lambda layer: kept.append(without_poses(layer)) or kept[-1]
+        cheap_nodes, "_without_poses", lambda *layer: kept.append(without_poses(*layer)) or kept[-1]
     )
     assert cg.dance(song, **arguments).plan == plan
     assert len(kept) >= 12 and all(layer.last_pose_m.size == 0 for layer in kept)

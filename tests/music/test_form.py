@@ -10,7 +10,7 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
 from choreograph.music import form
 from choreograph.music.beats import cached_librosa
-from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
+from choreograph.music.form import Form, Sections, _median, phrase_bounds_s, song_form, song_sections
 from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
 from content.songs.known_forms import HELD_OUT_FORMS
 from research.song_forms import ids_of
@@ -93,3 +93,11 @@ def test_neighbours_are_merged_as_librosas_segmentation_merges_them(n_parts):
     rows = np.random.default_rng(n_parts).normal(size=(60, 20))
     theirs = np.unique(librosa.segment.agglomerative(rows.T, n_parts))
     np.testing.assert_array_equal(form._merged(rows, n_parts), theirs)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 3), (40, 40), (301, 301)])
+@pytest.mark.parametrize("n_values", [0, 1, 3])
+def test_the_median_is_that_of_numpy(shape, n_values):
+    rng = np.random.default_rng(0)
+    values = rng.random(shape) if n_values == 0 else rng.integers(0, n_values, shape).astype(float)
+    assert _median(values) == np.median(values)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs
+from choreograph.choreography.graph.costs import last_pose
 from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, repeated
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
 from choreograph.choreography.graph.segments import LayerSource
@@ -18,7 +19,8 @@ from choreograph.music.song_features import SongFeatures
 
 N_CHEAP = 128  # nodes of each second that are searched
 _MOST_WHOLE_S = 600  # of a dance whose nodes are kept with their poses: 85 MB
-_OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")
+_OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")  # of fixed costs
+_OF_NODES = ("style", "take_names", "genre", "heading_rad", "source_frames")  # for costs of nodes
 
 _Nodes = tuple[Layer, NDArray[np.float64]]  # nodes of a second, and the costs (N,) of each
 
@@ -46,7 +48,7 @@ class CheapSoFar:
         if self._last is not None:
             self._edge_cost.append(edge_costs(self._last, nodes, self._fixed, self._song_features))
         self._last = nodes
-        self._nodes.append((nodes if self._has_poses else _without_poses(nodes), cost))
+        self._nodes.append((nodes if self._has_poses else _without_poses(nodes, self._song_features), cost))
 
     def improved(self, keys: Sequence[int]) -> list[Layer]:
         """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second."""
@@ -74,14 +76,24 @@ class CheapSoFar:
 
     def _allowed_node(self, key: int) -> _Nodes:
         node, cost = allowed_nodes(self._source.node(key), self._costs, self._song_features)
-        return node if self._has_poses else _without_poses(node), cost
+        return node if self._has_poses else _without_poses(node, self._song_features), cost
 
     def _with_poses(self, layer: Layer) -> Layer:
         return layer if self._has_poses else self._source.nodes(layer.segment, layer.offset)
 
 
-def _without_poses(layer: Layer) -> Layer:
-    return changed_layer(layer, **{name: np.zeros((layer.n_nodes, 0), np.float32) for name in _OF_EDGES})
+def _without_poses(layer: Layer, song_features: SongFeatures) -> Layer:
+    """The layer with what the costs that depend on the path need alone."""
+    is_needed = layer.second == 0 or last_pose(layer, song_features) is not None
+    names = _OF_EDGES if is_needed else (*_OF_EDGES, *_OF_NODES)
+    return changed_layer(layer, **{name: _nothing(getattr(layer, name)) for name in names})
+
+
+def _nothing(values: NDArray[Any]) -> NDArray[Any]:
+    """An array of nothing (N, 0), or of one value for each node, in place of others."""
+    if values.ndim > 1:
+        return np.zeros((len(values), 0), values.dtype)
+    return repeated(np.zeros((), values.dtype), len(values))
 
 
 def cheapest(

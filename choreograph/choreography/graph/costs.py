@@ -219,7 +219,7 @@ class Front(Cost):
         # costs is a constant minus a cosine of the rotation.
         towards, aside = next.facing[:, 0], next.facing[:, 1]
         away = 0.5 - 0.5 * towards
-        last = _last_pose(next, song_features)
+        last = last_pose(next, song_features)
         cosine, sine = away * towards + TURNED_TAKE, away * aside
         constant = away - away**2 + TURNED_TAKE
         if last is not None:
@@ -232,14 +232,14 @@ def heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats
     """The Fourier series (N, 4) of the cost of each node by the rotation of its take, and its constant."""
     # ((1 - cos h) / 2)² = 3/8 - cos(h) / 2 + cos(2 h) / 8, where h is the heading in the take plus φ
     series = layer.facing * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
-    last = _last_pose(layer, song_features)
+    last = last_pose(layer, song_features)
     if last is None:
         return series, 3 / 8
     series[:, :2] += last * [-1.0, 1.0]
     return series, 3 / 8 + _LAST_POSE
 
 
-def _last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
+def last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
     """Cosine and sine (N, 2) of the hips' headings in the last pose, times its cost. Else None."""
     last = _frame_of_last_pose(song_features) - layer.second * NODE_FRAMES
     if not 0 <= last < NODE_FRAMES:
