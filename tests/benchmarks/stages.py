@@ -28,7 +28,7 @@ from choreograph.music.synthesis.song import render_song, write_song
 
 REST = "rest"
 STAGES = {  # name: functions, each as module:qualified name
-    "decoding": ("pipeline.dancing:as_song", "pipeline.keeping:as_song"),
+    "decoding": ("pipeline.dancing:part_of",),
     "analysis": ("pipeline.dancing:analyse_song",),
     "material": ("pipeline.dancing:choose_material", "pipeline.dancing:resolve"),
     "candidates": ("choreography.graph.layer_source:candidate_clips",),
