@@ -323,8 +323,16 @@ class _CompiledEdges(_Edges):
 )
 def _angles(turn_rad: Any, end_rad: Any, start_rad: Any) -> tuple[Any, ...]:  # pragma: no cover - compiled
     """Cosines and sines as in `turned_costs`."""
-    end = turn_rad + end_rad
-    return np.cos(turn_rad), np.sin(turn_rad), np.cos(end), np.sin(end), np.cos(start_rad), np.sin(start_rad)
+    n_a, n_b = len(turn_rad), len(start_rad)
+    turn_cos, turn_sin, end_cos, end_sin = np.empty(n_a), np.empty(n_a), np.empty(n_a), np.empty(n_a)
+    start_cos, start_sin = np.empty(n_b, np.float32), np.empty(n_b, np.float32)
+    for i in range(n_a):
+        end = turn_rad[i] + end_rad[i]
+        turn_cos[i], turn_sin[i] = np.cos(turn_rad[i]), np.sin(turn_rad[i])
+        end_cos[i], end_sin[i] = np.cos(end), np.sin(end)
+    for j in range(n_b):
+        start_cos[j], start_sin[j] = np.cos(start_rad[j]), np.sin(start_rad[j])
+    return turn_cos, turn_sin, end_cos, end_sin, start_cos, start_sin
 
 
 _AT_BORDER = "float32[::1], float32[::1], float32[::1], float64[::1], float32[::1], int64[::1]"

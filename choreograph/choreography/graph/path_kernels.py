@@ -115,7 +115,7 @@ def extended(
         if n_near == 0:
             continue
         _vectorised_costs(
-            i, 0, n_b, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
+            i, np.int64(0), n_b, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
             series, take, rest_s, places, is_return, form_weight, constants, form, total,
         )  # fmt: skip
         for j in range(n_b):
@@ -160,8 +160,8 @@ def _vectorised_costs(
 ) -> None:  # fmt: skip  # pragma: no cover - compiled
     """Write the costs of going from beginning `i` to some nodes, without those of words, to `total` (N,).
 
-    The loops have no branches, so that several nodes are evaluated by one instruction. The first one is
-    `turned_cost`.
+    The nodes are those from `first` to `stop`. The loops have no branches, so that several nodes are
+    evaluated by one instruction. The first one is `turned_cost`. For literals it would be compiled once more.
     """
     constant, steer_cos, steer_sin, continued = constants[0], constants[2], constants[3], next_part[i]
     turn_cos, turn_sin, end = np.cos(turn_rad[i]), np.sin(turn_rad[i]), turn_rad[i] + end_rad[i]
