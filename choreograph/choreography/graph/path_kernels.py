@@ -89,6 +89,7 @@ def extended(
     series, places = series.T.copy(), places.T.copy()
     form, total, low = np.empty(n_b, np.float32), np.empty(n_b, np.float32), np.empty(n_b)
     order: Any = np.empty(n_a, np.int64)
+    none: Any = np.int64(0)
     left, has_words = np.empty(n_a), weights[3] != 0.0
     for i in range(n_a):
         left[i] = reached[i]
@@ -115,7 +116,7 @@ def extended(
         if n_near == 0:
             continue
         _vectorised_costs(
-            i, np.int64(0), n_b, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
+            i, none, n_b, weights, turn_rad, end_rad, next_part, usage_s, seen_danced, starts, part,
             series, take, rest_s, places, is_return, form_weight, constants, form, total,
         )  # fmt: skip
         for j in range(n_b):
