@@ -47,6 +47,7 @@ export class SpanTools {
     $("span-help").hidden = Boolean(span);
     $("clear-span").hidden = !span;
     $("section-span").hidden = !(store.dance?.sections ?? []).length;
+    $("seam-row").hidden = Boolean(span) || !store.has("seam") || !store.dance?.joins?.length; // room for alternatives
     this.#showSections(store.dance?.sections ?? []);
     if (!span) return;
     for (const kind of ["swap", "vary", "repeat", "hold"]) $(kind).hidden = !actions.canEdit(kind);
