@@ -21,6 +21,7 @@ _STRIDE_M = 0.5  # feet this far apart swing hips and arms fully
 _HEAD_HZ, _HEAD_DAMPING = 1.6, 0.65
 _ARM_HZ, _ARM_DAMPING = 1.8, 0.45
 _TRUNK_HZ, _TRUNK_DAMPING = 2.2, 0.6
+_SWAY_HZ = 1.3  # of the shoulders after the hips
 _LOOK_S, _LEAN_S = 0.55, 0.9  # time in which a look and a lean of the trunk go to their next place
 
 
@@ -41,8 +42,8 @@ class Carriage:
     lean: float = 0.0  # the trunk leans forward
     lean_into: float = 2.0  # into the way it goes, degrees per m/s
     left_behind: float = 1.2  # by the trunk as the pelvis speeds up, degrees per m/s²
-    posture: float = 2.5  # the trunk leans here and there in the course of a phrase, spread
-    sway: float = 2.0  # of the trunk away from the standing leg
+    posture: float = 3.8  # the trunk leans here and there in the course of a phrase, spread
+    sway: float = 1.2  # of the trunk away from the standing leg
     head_still: float = 0.5  # share of the trunk's lean that the head takes back
     head_drag: float = 1.5  # of the head against the speeding up of the trunk, degrees per m/s²
     looks: float = 6.0  # up, down and to the sides, spread
@@ -105,10 +106,11 @@ def carry(
     pitch = carriage.lean_into * support.velocity[:, 1] - carriage.left_behind * support.acceleration[:, 1]
     roll = carriage.lean_into * support.velocity[:, 0] - carriage.left_behind * support.acceleration[:, 0]
     pitch, roll = (_followed(deg * values, fps, _TRUNK_HZ, _TRUNK_DAMPING) for values in (pitch, roll))
-    roll = roll + carriage.sway * deg * support.load + carriage.shoulders_against * up
+    over_foot = carriage.sway * deg * support.load + carriage.shoulders_against * up
+    roll = roll + _late(over_foot, fps, _SWAY_HZ, _TRUNK_DAMPING)
     if rng is not None:
         pitch = pitch + carriage.posture * deg * _looks(len(pitch), fps, rng, _LEAN_S)
-        roll = roll + 0.8 * carriage.posture * deg * _looks(len(roll), fps, rng, _LEAN_S)
+        roll = roll + 1.2 * carriage.posture * deg * _looks(len(roll), fps, rng, _LEAN_S)
     ch["bend"] = ch["bend"] + carriage.lean * deg + pitch
     ch["side"] = ch["side"] + roll
     _carry_head(ch, support, carriage, fps, rng)
@@ -152,7 +154,7 @@ def _carry_arms(
         arm[:, 3] += 0.8 * np.maximum(-back - sign * swing, -0.3)  # an arm that goes forward bends
         if rng is not None:
             play = np.stack([_play(len(stride), fps, rng) for _ in range(arm.shape[1])], axis=-1)
-            arm += carriage.arm_play * deg * play * np.array([1.0, 1.0, 0.6, 2.0, 2.0, 1.5])
+            arm += carriage.arm_play * deg * play * np.array([1.0, 1.0, 0.6, 1.2, 2.0, 1.5])
         ch[f"{side}_arm"] = arm
 
 

@@ -241,7 +241,7 @@ DISCO = Genre(
     carriage=replace(
         CARRIAGE,
         lean=2.0,
-        posture=3.8,
+        posture=5.7,
         looks=11.0,
     ),
 )

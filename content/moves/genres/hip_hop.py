@@ -302,7 +302,7 @@ HIP_HOP = Genre(
     carriage=replace(
         CARRIAGE,
         lean=4.0,
-        posture=3.6,
+        posture=5.4,
         looks=10.0,
     ),
 )

@@ -303,7 +303,7 @@ HOUSE = Genre(
         LOFTING,
         PADDLE_TURN,
     ),
-    size=1.15,
+    size=1.22,
     sharpness=0.45,
     bounce=1.1,
     figures=street("pas de bourrée", "scissors"),
@@ -316,7 +316,7 @@ HOUSE = Genre(
     carriage=replace(
         CARRIAGE,
         lean=4.0,
-        posture=3.6,
+        posture=5.4,
         looks=10.0,
     ),
 )

@@ -22,7 +22,7 @@ MANNER = Manner(
     ),
     changes=(1.0, 2.0, 2.0),
     twist_deg=9.0,
-    side_deg=5.0,
+    side_deg=-1.0,
     swing=0.9,
     lift_m=0.06,
     varies=0.22,

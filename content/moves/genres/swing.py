@@ -363,13 +363,13 @@ SWING = Genre(
         TRIPLE_BASIC, SINGLE_BASIC, TUCK_TURN, KICK_BALL_CHANGE, CHARLESTON, KICK_STEP_KICK, SUZIE_Q,
         SHORTY_GEORGE, BOOGIE_BACK, LINDY_CIRCLE, APPLE_JACKS,
     ),
-    size=1.15,
+    size=1.22,
     sharpness=0.45,
     figures=LINDY_FIGURES,
     manner=MANNER,
     steer_deg=30.0,
     carriage=Carriage(
         to_go=0.5, through=0.5, reach=0.996, stoop_m=0.0, give_m=0.01, hip_up=6.0, hip_out_m=0.02,
-        hip_with_feet=20.0, chest_against=0.7, looks=10.0, arm_swing=14.0, arm_play=8.0,
+        hip_with_feet=20.0, chest_against=0.7, looks=10.0, arm_swing=14.0, arm_play=8.0, posture=5.5,
     ),
 )  # fmt: skip
