@@ -139,7 +139,7 @@ class DanceConfig:
 
     phrase_counts: Annotated[int, Range(1, 64)] = 16
     """About how many counts each passage of a take lasts, from which motifs are drawn. A passage begins at
-    the start of a bar, and returns with its phrase of the song, where its last eight counts may vary. Dances
+    the start of a bar, and returns with its phrase of the song, where its last four counts may vary. Dances
     of longer passages are more like the takes. With 1, motifs are drawn one by one, as in Rhythm is a
     Dancer. Used by the mixer and the rollout engine."""
 

@@ -147,7 +147,7 @@ def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
 
 
 _FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
-_VARIED_COUNTS = 8  # at most, at the end of a phrase that returns
+_VARIED_COUNTS = 4  # at the end of a phrase that returns, as by the cost `form` of the graph engine
 _NO_MOTIF = -1  # in a slot that is not drawn yet
 # A dance is drawn once more for each 20 words. With more draws, seeds of short dances share the nearest one.
 _WORDS_A_DRAW, _MOST_DRAWS = 20, 8
