@@ -6,6 +6,8 @@ The network sees the joint velocities of 2 s in the root frame, smoothed alike (
 not look for the noise of a capture. It is trained on every second take by name, and tested on the others. Of
 STREET, only takes of people are used. Takes of each genre weigh as much as those of another. As controls, the
 real takes are told from real takes of other data sets, and the built-in ones from each other at random.
+With --by-part, networks that see only some joints, only slow or fast motion, or the frames of a window in a
+random order show what takes are told by.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +28,18 @@ import choreograph as cg
 from choreograph.core.timebase import NET_FPS
 from choreograph.formats import choreonet
 from choreograph.formats.register import import_takes
-from choreograph.motion.body import body_pos_at, body_pos_m, to_root_frame
+from choreograph.motion.body import BODY_JOINTS, body_pos_at, body_pos_m, to_root_frame
 from research.movement_ranges import OF_A_ROBOT, street_body
 
 WINDOW, HOP = 2 * NET_FPS, NET_FPS  # frames
 SMOOTH_S = 0.1
 STEPS, BATCH = 400, 64
+PARTS = {
+    "pelvis and legs": ("pelvis", "hip", "knee", "ankle", "foot"),
+    "trunk and head": ("spine", "neck", "head", "collar"),
+    "arms": ("shoulder", "elbow", "wrist"),
+}
+SLOW_S = 0.15  # smoothing that leaves what is slower than about 1 Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +133,20 @@ def show(what: str, first: Windows, second: Windows, seeds: int) -> None:
     print(f"{what:44s} {np.mean(found):.3f} ± {np.std(found):.3f}", flush=True)
 
 
+def only(windows: Windows, what: str) -> Windows:
+    """The windows with what is named alone: joints of a part, slow or fast motion, or frames in disorder."""
+    velocity = windows.velocity
+    if what in PARTS:
+        seen = [any(name.endswith(end) or end in name for end in PARTS[what]) for name in BODY_JOINTS]
+        return replace(windows, velocity=velocity * np.repeat(np.array(seen, np.float32), 3)[:, None])
+    if what == "frames in disorder":
+        rng = np.random.default_rng(0)
+        order = np.argsort(rng.random((len(velocity), 1, velocity.shape[2])), axis=2)
+        return replace(windows, velocity=np.take_along_axis(velocity, order, axis=2))
+    slow = gaussian_filter1d(velocity, SLOW_S * NET_FPS, axis=2)
+    return replace(windows, velocity=slow if what == "slow motion" else velocity - slow)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("dances", type=Path)
@@ -132,6 +154,7 @@ def main() -> None:
     parser.add_argument("street", type=Path)
     parser.add_argument("--repertoire", type=Path, help="default: the built-in one")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--by-part", action="store_true", help="what takes are told by")
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
     made = windows_of(built_in_takes(repertoire))
@@ -145,6 +168,8 @@ def main() -> None:
             made.of(made.genre == genre),
             given.seeds,
         )
+    for what in (*PARTS, "slow motion", "fast motion", "frames in disorder") if given.by_part else ():
+        show(f"real or built-in, by {what}", only(real, what), only(made, what), given.seeds)
     ours, others = real.source == "dance-with-melody", real.source == "street"
     show("control: dance-with-melody or street", real.of(ours), real.of(others), given.seeds)
     half = np.random.default_rng(0).random(len(made.genre)) < 0.5

@@ -48,6 +48,11 @@ CHANGE_LOSS, CHANGE_LOSS_OF_STYLE = 30.0, 3.0
 _SAME_STYLE = 0.4  # least cosine. It is up to 0.37 in songs spliced from two genres, from 0.44 in real songs
 _SEGMENT_S = 4  # seconds that the style of a second describes
 _SHARPNESS = 10.0  # factor of the mean loss in the softmax that gives the probability of a genre
+# What people dance to a song that is like none of the others. It is danced where the probability of the
+# likely genre is below `_UNSURE`, unless its mean loss is larger by more than `_DEFAULT_LOSS`. Of 45 unseen
+# synthetic songs, this changes two of pop, which were danced as funk. Of 21 recorded ballroom songs, it
+# changes a rumba, which was danced as contemporary.
+_DEFAULT_GENRE, _UNSURE, _DEFAULT_LOSS = "pop", 0.55, 0.25
 
 
 @dataclass(frozen=True)
@@ -111,9 +116,16 @@ def likely_genres(
 
 
 def _likely(first_second: int, chosen: int, genres: Sequence[str], losses: Floats) -> LikelyGenre:
-    """The chosen genre with its probability among all genres, from the losses (S, G) of its part."""
+    """The chosen genre with its probability among all genres, from the losses (S, G) of its part.
+
+    Where the choice is unsure, it is the default genre, if that suits the part nearly as well.
+    """
     mean = losses.mean(axis=0)  # (G,)
     shares = np.exp(-_SHARPNESS * (mean - mean.min()))
+    default = genres.index(_DEFAULT_GENRE) if _DEFAULT_GENRE in genres else chosen
+    is_unsure = shares[chosen] < _UNSURE * shares.sum()
+    if is_unsure and mean[default] <= mean[chosen] + _DEFAULT_LOSS:
+        chosen = default
     others = np.where(np.arange(len(genres)) == chosen, np.inf, mean)
     runner_up = genres[int(np.argmin(others))] if len(genres) > 1 else ""
     return LikelyGenre(first_second, genres[chosen], float(shares[chosen] / shares.sum()), runner_up)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts, with_vocabulary
 
+from choreograph.choreography import genres as genres_module
 from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.genres import (
     LikelyGenre,
@@ -85,6 +86,23 @@ def song(styles, *, counts: Counts = NO_COUNTS, borders_s=()) -> SongFeatures:
 def beats(metre: int, *, period_s: float = 0.5, confidence: float = 1.0) -> Counts:
     times_s = np.arange(0.0, N_SECONDS, period_s)
     return replace(make_counts(times_s, numbers_in_bar(len(times_s), metre), metre), confidence=confidence)
+
+
+@pytest.mark.parametrize("default", GENRES)
+def test_a_song_between_genres_is_danced_as_the_default_one(repertoire, default, monkeypatch):
+    monkeypatch.setattr(genres_module, "_DEFAULT_GENRE", default)
+    between, sure = song([0.5] * N_SECONDS), song(["rumba"] * N_SECONDS)
+    assert parts_of(between, repertoire, ANYTHING) == [(0, default)]
+    assert likely_genre(between, repertoire, ANYTHING).genre == default
+    assert parts_of(sure, repertoire, ANYTHING) == [(0, "rumba")]
+
+
+def test_the_default_genre_is_danced_only_if_it_suits_nearly_as_well(repertoire, monkeypatch):
+    nearer_to_rumba = song([0.495] * N_SECONDS)
+    monkeypatch.setattr(genres_module, "_DEFAULT_GENRE", "waltz")
+    assert parts_of(nearer_to_rumba, repertoire, ANYTHING) == [(0, "waltz")]
+    monkeypatch.setattr(genres_module, "_DEFAULT_LOSS", 0.0)
+    assert parts_of(nearer_to_rumba, repertoire, ANYTHING) == [(0, "rumba")]
 
 
 @pytest.mark.parametrize("genre", GENRES)

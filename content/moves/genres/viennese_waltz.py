@@ -65,7 +65,9 @@ FIGURES = (
 VIENNESE_WALTZ = Genre(
     "Viennese waltz",
     figures=FIGURES,
-    manner=replace(MANNER, levels_m=(0.02, -0.005, -0.015), ball_deg=20.0, lift_m=0.045, swing=0.95, twist_deg=10.0),
+    manner=replace(
+        MANNER, levels_m=(0.02, -0.005, -0.015), ball_deg=20.0, lift_m=0.045, swing=0.95, twist_deg=10.0
+    ),
     bar=3,
     sharpness=0.2,
     bounce=0.0,
