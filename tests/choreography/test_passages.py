@@ -268,7 +268,7 @@ def test_passages_have_the_signature_of_their_genre(starter, genre):
     wanted = motif_goal(starter.vocabulary, genre=genre).signature
     dances = [motifs_of(request_of(starter, [genre], seed=seed)) for seed in range(5)]
     away = [chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in dances]
-    assert np.mean(away) < 0.17
+    assert np.mean(away) < 0.18
 
 
 def test_of_several_draws_the_one_nearest_to_the_signature_is_danced(starter, monkeypatch):

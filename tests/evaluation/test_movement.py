@@ -196,7 +196,7 @@ def test_the_table_has_a_line_for_each_measure_and_marks_what_is_outside(reperto
 
 
 def test_the_built_in_takes_have_every_measure_and_more_of_the_real_ranges_than_chance():
-    """Their share was 0.86 when this was written. Real takes that are set aside have 0.90."""
+    """Their share was 0.92 when this was written. Real takes that are set aside have 0.90."""
     cells = cg.movement(cg.starter_repertoire())
     assert len(cells) == 15 * len(MEASURES)
-    assert 0.8 < np.mean([cell.is_inside for cell in cells]) < 0.95
+    assert 0.9 < np.mean([cell.is_inside for cell in cells]) < 0.97
