@@ -42,11 +42,11 @@ class MotifPin:
 
     Examples
     --------
-    >>> pin = cg.MotifPin(at_s=2.0, motif=4)
+    >>> pin = cg.MotifPin(at_s=2.0, motif=0)
     >>> dance = cg.dance(cg.example_songs()["house"], duration_s=4, pins=[pin])
     >>> word = dance.plan.words[0]
     >>> word.motif, word.start_s < 2.0 < word.end_s
-    (4, True)
+    (0, True)
     """
 
     at_s: float

@@ -228,7 +228,7 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     Examples
     --------
     >>> repertoire = cg.starter_repertoire()
-    >>> motifs = cg.motifs_of("house-03", repertoire)
+    >>> motifs = cg.motifs_of("house-05", repertoire)
     >>> dance = cg.dance(cg.example_songs()["house"], motifs=motifs, duration_s=8)
     >>> dance.plan.engine, dance.plan.words[0].motif == motifs[0]
     ('mixer', True)

@@ -86,7 +86,7 @@ TABLE = {
     "lock_feet": (TAKES, False, {}),
     "hold_ends": (ALL, False, {}),
     "dynamics": (ALL, 0.0, {}),
-    "stage": (ALL, "40x40", {"genre": "waltz", "costs": (Hop(),), "seed": 0}),
+    "stage": (ALL, "40x40", {"genre": "waltz", "costs": (Hop(),), "seed": 1}),
     "front": (ALL, "free", {"costs": (Hop(),)}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
     "phrase_counts": ({"mixer", "rollout"}, 1, {}),
