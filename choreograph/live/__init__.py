@@ -1,0 +1,1 @@
+"""Dances that are sent to other programs while their song plays."""

@@ -1,0 +1,62 @@
+"""The Virtual Motion Capture protocol: a body as messages that avatar programs and engines receive.
+
+Positions are in metres. The axes are those of Unity: X right, Y up, Z forward, left-handed. Here, a dancer
+faces +Z with the left side at +X, so that X changes its sign. Rotations of bones are relative to a T pose, as
+those of Unity's humanoid are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from choreograph.core.numerics import Floats
+from choreograph.formats.glb import VRM_BONES
+from choreograph.live.osc import Message, bundle
+from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import retarget
+from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
+
+PORT = 39539  # of a receiver ("Marionette")
+_POSITION = np.array([-1.0, 1.0, 1.0])  # to Unity's axes
+_QUAT_XYZW = np.array([1.0, -1.0, -1.0, 1.0])  # the same of a rotation
+# Unity's names of humanoid bones begin with a capital letter, those of VRM do not.
+BONES = {name: bone[0].upper() + bone[1:] for name, bone in VRM_BONES.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class VmcBody:
+    """The frames of a dance in Unity's axes, from which packets are made."""
+
+    bone_pos_m: Floats  # (T, B, 3) from the parent bone
+    bone_quat: Floats  # (T, B, 4) xyzw, relative to the parent bone
+    names: tuple[str, ...]  # (B,) of Unity's humanoid
+
+    @classmethod
+    def of(cls, motion: Motion) -> VmcBody:
+        """A motion on any skeleton with known names, which is retargeted to one in a T pose.
+
+        Raises `ParameterError` if the names are unknown.
+        """
+        body = canonical_skeleton()
+        dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
+        joints = [CANONICAL_JOINTS.index(name) for name in BONES]
+        pos_m = np.tile(body.offsets_m[joints], (dancer.n_frames, 1, 1))
+        pos_m[:, joints.index(0)] = dancer.root_pos_m
+        quat = dancer.local_quat[:, joints][..., [1, 2, 3, 0]]
+        return cls(pos_m * _POSITION, quat * _QUAT_XYZW, tuple(BONES.values()))
+
+    def packet(self, frame: int, time_s: float) -> bytes:
+        """One bundle: that the body is available, the time, the root, and all bones."""
+        messages = [
+            Message("/VMC/Ext/OK", (1,)),
+            Message("/VMC/Ext/T", (float(time_s),)),
+            Message("/VMC/Ext/Root/Pos", ("root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)),
+        ]
+        for name, pos_m, quat in zip(self.names, self.bone_pos_m[frame], self.bone_quat[frame], strict=True):
+            messages.append(Message("/VMC/Ext/Bone/Pos", (name, *pos_m.tolist(), *quat.tolist())))
+        return bundle(messages)
+
+    def __len__(self) -> int:
+        return len(self.bone_pos_m)
