@@ -28,8 +28,8 @@ def send_frames(
 ) -> Sent:
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
-    `song_s` returns the time in the song, below 0 before it begins. Each frame has a time of its own in it, so
-    that errors do not add up.
+    `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
+    so that errors do not add up.
     """
     n_sent, n_skipped, latest_s, frame = 0, 0, 0.0, 0
     while frame < len(body):
