@@ -77,7 +77,7 @@ def convert(
 ) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT.
 
-    The suffix selects the format: .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx.
+    The suffix selects the format: .bvh, .npz, .glb, .vrma, .vmd, .usda, .usdc or .fbx.
     """
     from choreograph.formats import writers
     from choreograph.formats.bvh import BvhWriter

@@ -142,7 +142,7 @@ _OUTPUT = (
     optgroup.option(
         "-o", "--output", multiple=True, type=_FILE,
         help="File to write. Repeatable. .bvh, .npz: motion. .glb, .fbx, .usda, .usdc: a body that moves. "
-        ".vrma: for VRM avatars. .html: a page to watch. .mp4: a video. .png: poses on the beats. .json: the "
+        ".vrma: for VRM avatars. .vmd: for MikuMikuDance. .html: a page to watch. .mp4: a video. .png: poses on the beats. .json: the "
         "plan. Default: SONG.bvh and SONG.html here. {song} stands for the song's name.",
     ),
     optgroup.option(

@@ -38,6 +38,7 @@ BUILTIN = (
     "c3d",  # markers
     "gltf",  # reads the animations of .glb, .gltf and .vrma
     "glb",  # writes .glb and .vrma
+    "vmd",  # MikuMikuDance
     "usd",  # writes .usda and .usdc
     "fbx",  # with Blender
     "folder",  # a folder of motion files with songs

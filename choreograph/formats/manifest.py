@@ -38,7 +38,6 @@ _ACCLAIM = ForeignFormat(
 _MAYA = ForeignFormat("a Maya scene", "export FBX from Maya: File > Export Selection > FBX")
 _USD = ForeignFormat("USD", "import it in Blender (File > Import > Universal Scene Description), export .glb")
 _FORMATS = {
-    ".vmd": ForeignFormat("MikuMikuDance motion", _BLENDER),
     ".blend": ForeignFormat("a Blender scene", _BLENDER),
     ".ma": _MAYA,
     ".mb": _MAYA,

@@ -284,7 +284,7 @@ def save_motion(path: str | Path, motion: Motion, *, writer: Writer | None = Non
 
     Parameters
     ----------
-    path : str or Path   the suffix selects the format: .bvh, .npz, .glb, .vrma, .usda, .usdc or .fbx
+    path : str or Path   the suffix selects the format: .bvh, .npz, .glb, .vrma, .vmd, .usda, .usdc or .fbx
     motion : Motion
     writer : Writer      used instead of the writer of the suffix, for example `BvhWriter` with options
 

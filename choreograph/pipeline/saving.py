@@ -23,6 +23,7 @@ from choreograph.formats.fbx import convert
 from choreograph.formats.glb import as_dance
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
+from choreograph.formats.vmd import DANCE_MODEL
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
@@ -30,11 +31,12 @@ from choreograph.plan import Plan
 if TYPE_CHECKING:
     from choreograph.view.page_data import PageCharacter
 
-# The marks of dances near one end of a file: the generator, the frame time of a BVH, the format of a plan.
+# The marks of dances near one end of a file: the generator, the frame time of a BVH, the model of a VMD, the
+# format of a plan.
 _SAVED_DANCE = re.compile(
     rb"choreograph [\w.+-]{1,32}: a d"  # the compression of .usdc leaves out "ance", which "/Dance" ends in
     rb"|\nMOTION\nFrames: \d+\nFrame Time: \d\.\d{10}" + DANCE_DIGITS.encode() + rb"\n"
-    rb'|"format": "' + PLAN_FORMAT.encode() + rb'"'
+    rb"|\0" + DANCE_MODEL.encode() + rb'|"format": "' + PLAN_FORMAT.encode() + rb'"'
 )
 _STRIP_POSES = 40
 

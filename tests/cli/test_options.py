@@ -19,7 +19,7 @@ FILE_OPTIONS = {
     "--units": (["m"], {"bvh"}),
     "--rest": (["t"], {"bvh"}),
     "--in-place": ([], {"bvh"}),
-    "--loop": ([], {"bvh", "npz", "glb", "vrma", "usda", "usdc", "fbx"}),
+    "--loop": ([], {"bvh", "npz", "glb", "vrma", "vmd", "usda", "usdc", "fbx"}),
     "--click": ([], {"mp4"}),
 }
 

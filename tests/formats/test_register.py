@@ -77,8 +77,8 @@ def test_every_built_in_format_reads_or_writes():
     for name, module in zip(BUILTIN, builtin_formats(), strict=True):
         detects = hasattr(module, "detect") or hasattr(module, "SUFFIXES")
         assert hasattr(module, "WRITERS") or (module.LAYOUT and module.read and detects), name
-    assert tuple(writers()) == ("bvh", "npz", "glb", "vrma", "usda", "usdc", "fbx")
-    assert set(motion_suffixes()) == {".bvh", ".c3d", ".glb", ".gltf", ".vrma", ".npz", ".fbx"}
+    assert tuple(writers()) == ("bvh", "npz", "glb", "vrma", "vmd", "usda", "usdc", "fbx")
+    assert set(motion_suffixes()) == {".bvh", ".c3d", ".glb", ".gltf", ".vrma", ".vmd", ".npz", ".fbx"}
 
 
 @pytest.fixture

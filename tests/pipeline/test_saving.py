@@ -69,7 +69,7 @@ OPTIONS = {
     "click": True, "loop": True, "bvh": BvhOptions(naming="ue"), "character": "hero.glb",
 }  # fmt: skip
 USED = {
-    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character"}, "vrma": {"loop"},
+    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character"}, "vrma": {"loop"}, "vmd": {"loop"},
     "usda": {"loop"}, "usdc": {"loop"}, "fbx": {"loop", "character"}, "html": {"character"},
     "mp4": {"click"}, "png": set(), "json": set(),
 }  # fmt: skip

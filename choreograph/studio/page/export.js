@@ -7,7 +7,7 @@ import { attempt, say } from "./messages.js";
 const NAMES = {
   glb: ["GLB", "for Blender, game engines and the web"], bvh: ["BVH", "motion for any animation program"],
   fbx: ["FBX", "for Maya, Unreal and Unity"], usd: ["USD", "for Omniverse and Houdini"], npz: ["NPZ", "arrays for Python"],
-  mp4: ["MP4", "a video with the song"], vrma: ["VRMA", "an animation for avatars (VRM)"], png: ["PNG", "a strip of poses"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
+  mp4: ["MP4", "a video with the song"], vrma: ["VRMA", "an animation for avatars (VRM)"], vmd: ["VMD", "a motion for MikuMikuDance"], png: ["PNG", "a strip of poses"], html: ["HTML", "one page that plays anywhere"], json: ["JSON", "the plan, to dance it again"],
 };
 
 const WHOLE_ONLY = ["html", "json"]; // a part of a dance has no page or plan
