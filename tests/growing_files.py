@@ -142,6 +142,10 @@ def vrma(n: int) -> bytes:
     return saved(lambda path: save_motion(path, dancing_for(n, 24 * 20)), ".vrma")
 
 
+def vmd(n: int) -> bytes:
+    return saved(lambda path: save_motion(path, dancing_for(n, 22 * 111 // 2)), ".vmd")
+
+
 def gltf_text(n: int) -> bytes:
     content = glb(n * 3 // 4)
     n_json = struct.unpack_from("<I", content, 12)[0]

@@ -31,6 +31,7 @@ from growing_files import (
     points,
     repeated,
     text_of_pickle,
+    vmd,
     vrma,
 )
 from synthetic_motions import swaying
@@ -93,6 +94,7 @@ READERS = {
     ),
     "glTF": Reader("take.glb", takes, GLTF),
     "VRMA": Reader("take.vrma", takes, {"sane": vrma}),
+    "VMD": Reader("take.vmd", takes, {"sane": vmd}),
     "character": Reader("a.glb", character, {shape: GLTF[shape] for shape in OF_CHARACTERS}),
     "C3D": Reader("take.c3d", read_markers, C3D),
     "counts": Reader("a.counts.csv", read_counts, {

@@ -142,8 +142,9 @@ _OUTPUT = (
     optgroup.option(
         "-o", "--output", multiple=True, type=_FILE,
         help="File to write. Repeatable. .bvh, .npz: motion. .glb, .fbx, .usda, .usdc: a body that moves. "
-        ".vrma: for VRM avatars. .vmd: for MikuMikuDance. .html: a page to watch. .mp4: a video. .png: poses on the beats. .json: the "
-        "plan. Default: SONG.bvh and SONG.html here. {song} stands for the song's name.",
+        ".vrma: for VRM avatars. .vmd: for MikuMikuDance. .html: a page to watch. .mp4: a video. .png: poses "
+        "on the beats. .json: the plan. Default: SONG.bvh and SONG.html here. {song} stands for the song's "
+        "name.",
     ),
     optgroup.option(
         "--character", type=_FILE, help="Character (.glb, .gltf, .vrm, .fbx) in an .html, .glb or .fbx."

@@ -55,7 +55,10 @@ _STRAIGHT = 0.02  # sine of the bend of a knee below which its axis is mostly th
 @lru_cache(maxsize=1)
 def standard_body() -> Skeleton:
     """The standard body with Japanese names of joints, in metres."""
-    names, parents, offsets, roles = [], [], [], {}
+    names: list[str] = []
+    parents: list[int] = []
+    offsets: list[NDArray[np.float64]] = []
+    roles: dict[str, int] = {}
     for name, parent, role, pos in _TRUNK:
         above = names.index(parent) if parent else -1
         rest = np.array(pos) - (np.array(_TRUNK[above][3]) if parent else 0.0)

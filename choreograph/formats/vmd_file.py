@@ -144,7 +144,9 @@ def _bones(keys: NDArray[np.void]) -> dict[str, BoneKeys]:
     pos = keys["pos"].astype(np.float64)  # (K, 3)
     xyzw = keys["quat"].astype(np.float64)  # (K, 4)
     if not ((np.abs(pos) < FARTHEST_M).all() and np.isfinite(xyzw).all()):
-        raise FormatError(f"expected positions below {FARTHEST_M:g} and finite rotations, got others: damaged")
+        raise FormatError(
+            f"expected positions below {FARTHEST_M:g} and finite rotations, got others: damaged"
+        )
     quat = np.roll(xyzw, 1, axis=-1)
     quat[np.linalg.norm(quat, axis=-1) < _SHORTEST] = rot.IDENTITY  # some programs write zeros for it
     quat = rot.normalize(quat)
@@ -155,9 +157,7 @@ def _bones(keys: NDArray[np.void]) -> dict[str, BoneKeys]:
         raw.tolist(), np.split(order, np.cumsum(np.bincount(group, minlength=len(raw)))[:-1]), strict=False
     ):
         rows_of.setdefault(_decoded(name), []).append(rows)
-    return {
-        name: _in_order(keys, pos, quat, np.sort(np.concatenate(rows))) for name, rows in rows_of.items()
-    }
+    return {name: _in_order(keys, pos, quat, np.sort(np.concatenate(rows))) for name, rows in rows_of.items()}
 
 
 def _in_order(

@@ -115,8 +115,8 @@ class Dance:
         """Write the dance to a file. The suffix selects the format.
 
         .bvh and .npz hold the motion, .glb, .fbx, .usda and .usdc a body that moves, .vrma the motion for a
-        VRM avatar, .vmd for MikuMikuDance, .json the plan, .html a page that plays the dance with its song, .mp4 a video, and .png
-        poses on the beats.
+        VRM avatar, .vmd for MikuMikuDance, .json the plan, .html a page that plays the dance with its song,
+        .mp4 a video, and .png poses on the beats.
 
         Parameters
         ----------

@@ -15,7 +15,19 @@ from choreograph.pipeline.saving import SavedParts, options_used, output_formats
 from choreograph.studio.project import Span
 
 NAMES = {"usd": "usdc"}  # what pages ask for, and the suffix
-EXPORTED = ("bvh", "glb", "fbx", "usd", "npz", "vrma", "vmd", "mp4", "png", "html", "json")  # that pages offer
+EXPORTED = (
+    "bvh",
+    "glb",
+    "fbx",
+    "usd",
+    "npz",
+    "vrma",
+    "vmd",
+    "mp4",
+    "png",
+    "html",
+    "json",
+)  # that pages offer
 
 
 def suffix_of(format: str) -> str:

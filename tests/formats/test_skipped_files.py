@@ -53,14 +53,14 @@ def folder(tmp_path):
 
 def test_a_mixed_folder_lists_what_it_skipped_and_why(folder, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(folder / "nothing"))  # no Blender
-    for name in ("b.vmd", "c.vmd", "d.fbx", "e.usdz", "f.mp3", "readme.txt", ".a.bvh"):
+    for name in ("b.x", "c.x", "d.fbx", "e.usdz", "f.mp3", "readme.txt", ".a.bvh"):
         (folder / name).write_bytes(b"x")
     (folder / "more").mkdir()
     save_motion(folder / "more" / "g.bvh", swaying(4))
     notes = source_notes(folder)
     assert [take.name for take in import_takes(folder)] == ["a"]
     assert len(notes) == 6 and "prints all 6 notes" in notes[-1]
-    assert any("2 files: " in note and "(b.vmd, c.vmd)" in note and "MikuMikuDance" in note for note in notes)
+    assert any("2 files: " in note and "(b.x, c.x)" in note and "DirectX" in note for note in notes)
     for name in ("d.fbx", "e.usdz", "f.mp3", "more/g.bvh"):
         assert sum(name in note for note in notes) == 1, name
     assert not any("readme" in note or ".a.bvh" in note for note in notes)
@@ -68,7 +68,7 @@ def test_a_mixed_folder_lists_what_it_skipped_and_why(folder, monkeypatch):
 
 def test_many_files_are_counted(folder):
     for number in range(40):
-        (folder / f"{number:02}.vmd").write_bytes(b"x")
+        (folder / f"{number:02}.x").write_bytes(b"x")
     note, more = source_notes(folder)
     assert "40 files" in note and "and 37 more" in note and len(note) < 300 and "all 40 notes" in more
 
@@ -81,7 +81,7 @@ def test_a_folder_of_takes_alone_has_nothing_to_say(folder):
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("a.vmd", "MikuMikuDance"), ("a.usdc", "Universal Scene"), ("a.blend", "BVH from Blender")],
+    [("a.x", "DirectX"), ("a.usdc", "Universal Scene"), ("a.blend", "BVH from Blender")],
 )
 def test_one_file_that_is_not_read_is_named_with_what_to_do(tmp_path, monkeypatch, name, says):
     monkeypatch.chdir(tmp_path)

@@ -91,6 +91,7 @@ def _motions(folder: Path) -> Iterator[Target]:
         ("bvh", "words", [saved("bvh", swaying(20))], [*test_bvh.FILES, *test_rigs.FILES]),
         ("npz", "npz", [saved("npz", swaying(20))], []),
         ("glb", "glb", [saved("vrma")], test_glb.FILES),
+        ("vmd", "bytes", [saved("vmd", swaying(8))], []),
     ):
         seeds = [saved(suffix), *others]
         yield _target(
