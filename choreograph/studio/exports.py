@@ -15,19 +15,9 @@ from choreograph.pipeline.saving import SavedParts, options_used, output_formats
 from choreograph.studio.project import Span
 
 NAMES = {"usd": "usdc"}  # what pages ask for, and the suffix
-EXPORTED = (
-    "bvh",
-    "glb",
-    "fbx",
-    "usd",
-    "npz",
-    "vrma",
-    "vmd",
-    "mp4",
-    "png",
-    "html",
-    "json",
-)  # that pages offer
+EXPORTED = (  # that pages offer
+    "bvh", "glb", "fbx", "usd", "npz", "vrma", "vmd", "mp4", "png", "html", "json",
+)  # fmt: skip
 
 
 def suffix_of(format: str) -> str:
