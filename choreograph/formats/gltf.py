@@ -33,6 +33,7 @@ SUFFIXES = (".glb", ".gltf", ".vrma")
 _MAX_ANIMATIONS = 4096
 _BLOCK_POSES = 1 << 18  # frames × bones at a time
 _LARGEST = 1e12  # position or scale in any unit, tested so that NaN fails
+_ROUNDED_TIME = 2.0**-22  # of a step between two keys, relative to their time
 _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 
 
@@ -196,11 +197,21 @@ def _frame_times(tracks: Tracks) -> tuple[Floats, float]:
     if end_s - start_s > LONGEST_S:
         raise FormatError(f"expected an animation of up to an hour, got {end_s - start_s:.0f} s")
     longest = max(keys, key=len)
-    steps = np.diff(longest)
-    native = 1.0 / float(np.median(steps[steps > 0])) if (steps > 0).any() else STORE_FPS
+    native = _rate(longest) if (np.diff(longest) > 0).any() else STORE_FPS
     fps = min(STORE_FPS, round(native, 3)) if native >= 1.0 else STORE_FPS
-    n_frames = 1 + int(np.floor((end_s - start_s) * fps + 1e-3))
+    rounding = max(1e-3, _ROUNDED_TIME * end_s * fps)  # of the last key, in frames
+    n_frames = 1 + int(np.floor((end_s - start_s) * fps + rounding))
     return start_s + frame_times_s(n_frames, fps), fps
+
+
+def _rate(keys_s: Floats) -> float:
+    """Keys a second, from the median step. Times have 32 bits, so that all steps together are more exact."""
+    steps = np.diff(np.asarray(keys_s, np.float64))
+    steps = steps[steps > 0]
+    rate = 1.0 / float(np.median(steps))
+    of_all = float(np.round(steps * rate).sum() / steps.sum())
+    rounding = _ROUNDED_TIME * float(keys_s[-1]) * rate  # of a step, relative to it
+    return of_all if abs(of_all / rate - 1.0) <= rounding else rate
 
 
 def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floats) -> Floats:

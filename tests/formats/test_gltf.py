@@ -12,7 +12,7 @@ from synthetic_motions import on_other_axes, stepping, swaying
 from choreograph.characters.gltf_character import read_character
 from choreograph.characters.performance import perform
 from choreograph.core.errors import ChoreographError, FormatError
-from choreograph.formats.gltf import _sampled, read_gltf_motions
+from choreograph.formats.gltf import _frame_times, _sampled, read_gltf_motions
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.register import import_takes, save_motion
@@ -20,6 +20,15 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
+
+
+@pytest.mark.parametrize("fps", [23.976, 24.0, 25.0, 30.0, 60.0])
+def test_the_rate_of_a_long_motion_is_not_lost_in_the_rounding_of_its_times(fps):
+    """Times have 32 bits: after an hour, steps are rounded to a quarter of a millisecond."""
+    n_frames = round(3590 * fps)
+    keys_s = (np.arange(n_frames) / fps).astype(np.float32)
+    times_s, found = _frame_times({(0, "rotation"): (keys_s, keys_s, "LINEAR")})
+    assert (found, len(times_s)) == (fps, n_frames)
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".vrma"])
