@@ -55,7 +55,7 @@ def test_the_body_stands_in_front_of_the_audience():
     assert np.degrees(np.arctan2(-arm[1], arm[0])) == pytest.approx(38.0)
 
 
-def test_a_head_that_turns_left_turns_left(tmp_path):
+def test_a_head_that_turns_right_turns_right(tmp_path):
     # About +Y of left-handed axes, a positive angle turns the face from -Z to -X, which is the right.
     motion = posed(tmp_path, {"頭": key(0, (QUARTER, 0.0, QUARTER, 0.0))})
     facing = rot.rotate(motion.local_quat[0, BODY.index("頭")], np.array([0.0, 0.0, 1.0]))
