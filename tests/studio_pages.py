@@ -14,8 +14,7 @@ import uvicorn
 from choreograph.library.builtin import as_repertoire
 from choreograph.studio.app import make_app
 from choreograph.studio.safety import Access
-from choreograph.studio.serve import _listening
-from choreograph.studio.start import start
+from choreograph.studio.serve import _listening, start
 
 PATIENCE_S = 300  # work may take long where many tests run beside it
 WIDE, PHONE = (1280, 800), (390, 844)

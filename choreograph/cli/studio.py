@@ -46,13 +46,12 @@ def command(
     All changes are kept in the file of the project as they are made, and can be undone.
     """
     try:
-        from choreograph.studio.serve import serve
+        from choreograph.studio.serve import serve, start
     except ModuleNotFoundError as error:
         raise ParameterError(
             f"expected the extra `studio`, got no {error.name}: run pip install 'choreograph[studio]'"
         ) from None
     from choreograph.library.builtin import as_repertoire
-    from choreograph.studio.start import start
 
     service = start(song, as_repertoire(db), project=project, character=character)
     serve(

@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 
 from choreograph.core.errors import ChoreographError
 from choreograph.studio.refusals import ConflictError, NotFoundError, Refusal
-from choreograph.studio.routes import comparing, dances, edits, explaining, files, songs, work
+from choreograph.studio.routes import comparing, dances, edits, explaining, files, songs
 from choreograph.studio.safety import Access, Guard
 from choreograph.studio.service import Service
 
@@ -35,7 +35,7 @@ def make_app(service: Service, access: Access) -> FastAPI:
         title="choreograph studio", version="1", docs_url=None, redoc_url=None,
         openapi_url="/api/openapi.json", description="Makes dances for a song, and changes parts of them.",
     )  # fmt: skip
-    for part in (dances, edits, explaining, comparing, songs, files, work):
+    for part in (dances, edits, explaining, comparing, songs, files):
         app.include_router(part.router(service))
     _add_page(app)
     app.add_middleware(Guard, access=access, most_bytes=_MOST_BYTES)

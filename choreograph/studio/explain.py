@@ -1,4 +1,4 @@
-"""Why something is danced: the take, its credits, what it costs, and the next best."""
+"""Why something is danced: the take, its credits, what it costs in one sentence each, and the next best."""
 
 from __future__ import annotations
 
@@ -16,9 +16,47 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor
 from choreograph.plan import Plan
 from choreograph.plan_parts import Block, PlannedSecond, goes_on
-from choreograph.studio.sentences import OF_DANCE, OF_PIECE
+from choreograph.settings import DEFAULT_WEIGHTS
 
 _LONGEST_S = 6.0  # of a part for which the next best is looked for
+_HIGHEST = 4.0  # of a slider, in units of the default weight
+
+# Of the graph engine: what a dance pays for.
+OF_DANCE = {
+    "genre": "The style of the take differs from that of the music.",
+    "completeness": "The take is left before its movement is complete.",
+    "transition": "The poses differ where one take follows another.",
+    "velocity": "The speeds of the joints differ where one take follows another.",
+    "rhythm": "Motion beats miss the beats of the music.",
+    "pace": "The take is played faster or slower than it was danced.",
+    "front": "The dancer turns away from the audience.",
+    "seed": "A random preference, which another seed changes.",
+    "variety": "The same take was danced shortly before.",
+    "repeat": "The take jumps back to what was just danced.",
+    "signature": "The motifs differ from those that were asked for.",
+    "motif_transition": "These motifs rarely follow each other in the takes.",
+    "accents": "Motion beats are not on the counts.",
+    "bars": "Count 1 of the take is not on count 1 of the music.",
+    "phrasing": "The take changes inside of a figure or a bar.",
+    "energy": "The motion is larger or smaller than the music is loud.",
+    "steps": "There are more or fewer steps than the music has onsets.",
+    "stillness": "The dancer stands still where the music goes on.",
+    "form": "A phrase that returns in the music is danced in another way.",
+    "stage": "The dancer leaves the stage.",
+    "constraints": "The take is not of the genre that is likely here.",
+}
+# Of pieces of takes for a part of a dance, in metres of joint distance.
+OF_PIECE = {
+    "joins": "The poses at both ends differ from the dance around it.",
+    "travel": "The path must be corrected to lead back to the dance.",
+    "front": "It begins with the back to the audience.",
+    "tempo": "It is played faster or slower than it was danced.",
+    "count": "It begins on another count of the bar.",
+    "genre": "It is of another genre than the dance has here.",
+    "energy": "It is livelier or quieter than the dance was here.",
+    "again": "The same part of a take is danced nearby.",
+    "difference": "It differs from what was danced here.",
+}
 
 
 def explained(dance: Dance, repertoire: Repertoire, at_s: float) -> dict[str, Any]:
@@ -69,6 +107,15 @@ def reasons(costs: Mapping[str, float], sentences: Mapping[str, str]) -> list[di
         }
         for name, cost in sorted(costs.items(), key=lambda item: -item[1])
         if cost > 0
+    ]  # fmt: skip
+
+
+def weight_choices() -> list[dict[str, Any]]:
+    """A slider for the weight of each cost of the graph engine."""
+    return [
+        {"name": name, "default": default, "low": 0.0, "high": max(_HIGHEST * default, 1.0),
+         "sentence": OF_DANCE[name]}
+        for name, default in DEFAULT_WEIGHTS.items()
     ]  # fmt: skip
 
 

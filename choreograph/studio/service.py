@@ -14,12 +14,12 @@ from typing import Any, get_args
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.library.repertoire import Repertoire
 from choreograph.studio.desk import Desk
+from choreograph.studio.explain import weight_choices
 from choreograph.studio.exports import EXPORTED
 from choreograph.studio.facts import character_facts
 from choreograph.studio.jobs import Job, Jobs
 from choreograph.studio.palette import Palette
 from choreograph.studio.project import ENGINES, EditKind
-from choreograph.studio.sentences import weight_choices
 from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 

@@ -9,7 +9,6 @@ import pytest
 
 from choreograph.music.song import Song
 from choreograph.studio.facts import changed_spans, motion_data, waveform
-from choreograph.studio.sentences import OF_DANCE, weight_choices
 
 
 def test_planted_changes_are_found_and_near_ones_joined(made):
@@ -40,9 +39,3 @@ def test_small_figures_have_few_frames(made):
     part = made.motion.sliced(0, 120)
     assert motion_data(part)["facts"]["frames"] == 120
     assert motion_data(part, small=True)["facts"] | {"fps": 20.0} == motion_data(part, small=True)["facts"]
-
-
-def test_every_weight_has_a_slider_and_a_sentence():
-    for choice in weight_choices():
-        assert choice["low"] <= choice["default"] < choice["high"]
-        assert choice["sentence"] == OF_DANCE[choice["name"]] and choice["sentence"].endswith(".")

@@ -1,15 +1,18 @@
-"""The dance: its motion, settings, locks, undo and redo."""
+"""The dance: its motion, settings, locks, undo and redo, the jobs that change it, and the stream of news."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
+from fastapi.responses import StreamingResponse
 
 from choreograph.core.errors import ParameterError
 from choreograph.studio.refusals import ConflictError
 from choreograph.studio.routes.bodies import LocksBody, Revised, SettingsBody
 from choreograph.studio.service import Service
+
+_LONGEST_WAIT_S = 1.0  # of a request, so that no thread of the server is long without other work
 
 
 def router(service: Service) -> APIRouter:
@@ -67,4 +70,24 @@ def router(service: Service) -> APIRouter:
         """Make a change again that was undone."""
         return service.change_now("redo", lambda job: desk.move(body.revision, back=False))
 
+    _add_jobs(made, service)
     return made
+
+
+def _add_jobs(made: APIRouter, service: Service) -> None:
+    @made.get("/api/jobs/{id}")
+    def job(id: str, wait: Annotated[float, Query(ge=0, le=_LONGEST_WAIT_S)] = 0.0) -> dict[str, Any]:
+        """The progress of a job, and its result once it is done, for which it waits at most `wait` s."""
+        found = service.jobs.get(id)
+        found.ended.wait(wait)
+        return found.facts
+
+    @made.delete("/api/jobs/{id}")
+    def cancel(id: str) -> dict[str, Any]:
+        """Cancel a job. It ends when it next reports progress."""
+        return service.jobs.cancel(id).facts
+
+    @made.get("/api/events", include_in_schema=False)
+    async def events() -> StreamingResponse:
+        """News as they happen: jobs, and revisions of the state."""
+        return StreamingResponse(service.news.stream(), media_type="text/event-stream")

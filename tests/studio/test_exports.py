@@ -1,0 +1,66 @@
+"""Exports: parts of the dance in each format, and what no format can have."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import choreograph as cg
+from choreograph.core.errors import ParameterError
+from choreograph.studio import exports
+from choreograph.studio.exports import EXPORTED, export, suffix_of
+
+
+def test_every_format_that_is_offered_is_written():
+    assert {suffix_of(format) for format in EXPORTED} <= set(exports.output_formats())
+    assert suffix_of("usd") == "usdc" and suffix_of("bvh") == "bvh"
+
+
+@pytest.mark.parametrize("format", ["", "exe", "BVH", ".bvh", "../bvh"])
+def test_another_format_is_refused_in_one_line(format):
+    with pytest.raises(ParameterError, match="format") as refused:
+        suffix_of(format)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_whole_dance_is_that_of_the_command(made, tmp_path):
+    made.save(tmp_path / "other.npz")
+    stages = []
+    export(tmp_path / "dance.npz", made, None, None, lambda stage, done, total: stages.append(stage))
+    assert (tmp_path / "dance.npz").read_bytes() == (tmp_path / "other.npz").read_bytes()
+    assert stages[0] == "writing dance.npz"
+
+
+def test_a_part_has_the_frames_of_its_span(made, tmp_path):
+    export(tmp_path / "part.npz", made, (2.0, 4.5), None, None)
+    part = cg.load_motion(tmp_path / "part.npz")
+    whole = made.motion.sliced(round(2.0 * made.motion.fps), round(4.5 * made.motion.fps))
+    assert part.n_frames == whole.n_frames == round(2.5 * made.motion.fps)
+    np.testing.assert_allclose(part.local_quat, whole.local_quat, atol=1e-6)
+
+
+def test_the_plan_of_a_part_begins_with_it(made, tmp_path, monkeypatch):
+    saved = []
+    monkeypatch.setattr(exports, "save_dance", lambda path, parts, report: saved.append(parts))
+    export(tmp_path / "a.bvh", made, (2.0, 6.0), None, None)
+    plan, whole = saved[0].plan, made.plan
+    assert plan.start_s == whole.start_s + 2.0 and plan.duration_s == saved[0].motion.duration_s
+    beats_s = [s - 2.0 for s in whole.music_beats_s if 2.0 <= s < 6.0]
+    assert list(plan.music_beats_s) == pytest.approx(beats_s) and len(beats_s) > 4
+    assert len(plan.music_beat_numbers) == (len(beats_s) if whole.music_beat_numbers else 0)
+    export(tmp_path / "a.bvh", made, None, None, None)
+    assert saved[1].plan is whole and saved[1].motion is made.motion
+
+
+@pytest.mark.parametrize("suffix", ["json", "html"])
+def test_a_part_of_a_plan_or_a_page_is_refused(made, tmp_path, suffix):
+    with pytest.raises(ParameterError, match="expected the whole dance"):
+        export(tmp_path / f"a.{suffix}", made, (2.0, 4.0), None, None)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("span", [(4.0, 2.0), (2.0, 2.0), (-1.0, 2.0), (0.0, 500.0), (float("nan"), 2.0)])
+def test_a_part_that_the_dance_does_not_have_is_refused(made, tmp_path, span):
+    with pytest.raises(ParameterError, match="expected a part of the dance"):
+        export(tmp_path / "a.bvh", made, span, None, None)
+    assert list(tmp_path.iterdir()) == []
