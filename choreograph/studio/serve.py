@@ -74,6 +74,8 @@ def serve(
 
 
 def _listening(host: str, port: int) -> socket.socket:
+    if not 0 <= port <= 65_535:  # getaddrinfo would take another port without a word
+        raise ParameterError(f"expected a port of 0 to 65535, got {port}")
     try:
         [(family, kind, protocol, _, address), *_] = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         made = socket.socket(family, kind, protocol)
@@ -82,8 +84,6 @@ def _listening(host: str, port: int) -> socket.socket:
         made.listen(128)
     except socket.gaierror as error:
         raise ParameterError(f"expected a host of this machine, got {host!r}: {error.strerror}") from error
-    except OverflowError as error:
-        raise ParameterError(f"expected a port of 0 to 65535, got {port}") from error
     except OSError as error:
         raise ChoreographError(
             f"expected port {port} of {host} to be free, got {error.strerror}: choose another with --port"

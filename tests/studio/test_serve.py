@@ -16,8 +16,10 @@ from urllib.request import Request, urlopen
 import pytest
 from command_line import run
 
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 from choreograph.studio.project import project_from_json
 from choreograph.studio.project_file import ProjectFile
+from choreograph.studio.serve import _listening, serve, start
 
 
 def ask(address, path, body=None):
@@ -131,3 +133,62 @@ def test_a_port_in_use_is_said_in_one_line(tmp_path, monkeypatch):
         result = run("studio", "--no-browser", "--port", str(taken.getsockname()[1]))
     assert result.exit_code == 2 and "--port" in result.output
     assert Path("clicks.studio.json").exists() is False
+
+
+def test_a_studio_without_a_song_works_in_the_working_folder(repertoire, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    service = start(None, repertoire)
+    service.close()
+    assert service.desk.folder == tmp_path and service.state()["song"] is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_project_opens_its_song(open_studio, folder):
+    open_studio(folder / "clicks.wav").ready().service.close()
+    again = open_studio(None, project=folder / "clicks.studio.json").ready()
+    assert again.service.desk.folder == folder
+    assert again.state()["project"] == {"name": "clicks.wav", "file": "clicks.studio.json"}
+    assert again.revision == 1  # the dance was not made a second time
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[]", b"\xff\xfe", b'{"song": "clicks.wav"}', b'{"song": "../clicks.wav", "steps": []}'],
+)
+def test_a_damaged_project_is_refused_and_released(repertoire, folder, content):
+    path = folder / "clicks.studio.json"
+    path.write_bytes(content)
+    for _ in range(2):  # the second time would find a lock that was left
+        with pytest.raises((FormatError, ParameterError), match=r"clicks\.studio\.json") as refused:
+            start(None, repertoire, project=path)
+        assert "\n" not in str(refused.value)
+    assert path.read_bytes() == content
+
+
+def test_a_project_of_a_song_elsewhere_is_refused(open_studio, repertoire, folder):
+    open_studio(folder / "clicks.wav").ready().service.close()
+    path = folder / "clicks.studio.json"
+    data = json.loads(path.read_text())
+    for song in ("../clicks.wav", "/etc/passwd", ""):
+        path.write_text(json.dumps(data | {"song": song}))
+        with pytest.raises((FormatError, ParameterError)):
+            start(None, repertoire, project=path)
+
+
+def test_a_port_is_free_or_its_user_is_told():
+    with _listening("127.0.0.1", 0) as taken:
+        port = taken.getsockname()[1]
+        assert port > 0
+        with pytest.raises(ChoreographError, match=f"expected port {port} of 127.0.0.1 to be free"):
+            _listening("127.0.0.1", port)
+    for host, other, said in (("no.such.invalid", 0, "host"), ("127.0.0.1", 70_000, "0 to 65535")):
+        with pytest.raises(ParameterError, match=said):
+            _listening(host, other)
+
+
+def test_a_studio_that_cannot_be_served_is_closed(repertoire, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    service, addresses = start(None, repertoire), []
+    with pytest.raises(ParameterError):
+        serve(service, "127.0.0.1", 70_000, opened=False, ready=addresses.append)
+    assert addresses == [] and not service.scratch.exists()
