@@ -86,6 +86,7 @@ def test_a_planted_walk_is_measured():
 
 def test_thirds_are_by_size():
     assert _thirds(np.array([5.0, 1.0, 3.0, 2.0, 6.0, 4.0])).tolist() == [2, 0, 1, 0, 2, 1]
+    assert _thirds(np.arange(12.0)).tolist() == [0] * 4 + [1] * 4 + [2] * 4
     assert _thirds(np.zeros(0)).tolist() == []
 
 
