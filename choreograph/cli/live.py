@@ -69,8 +69,9 @@ def command(
     body = VmcBody.of(motion.resampled(fps))
     try:
         address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    except OSError as error:
-        raise ChoreographError(f"expected the receiver's machine, got {host!r}: {error.strerror}") from None
+    except (OSError, UnicodeError) as error:  # a UnicodeError for a name that no machine can have
+        reason = getattr(error, "strerror", None) or "not a name of a machine"
+        raise ChoreographError(f"expected the receiver's machine, got {host!r}: {reason}") from None
     clock = not_heard() if silent else playing(song)
     with socket.socket(address[0], socket.SOCK_DGRAM) as out, clock as song_s:
         say(f"sending {len(body) / fps:.1f} s to {host}:{port}, {fps:g} frames a second: Ctrl-C ends it")

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -186,8 +187,7 @@ def evaluate(
     notes = list(song.notes)
     measured, examples = [], []
     for variant, (described, whole) in motions.items():
-        length_s = min(whole.duration_s, song.duration_s)
-        one = whole.sliced(0, max(1, round(length_s * whole.fps)))
+        one = whole.sliced(0, max(1, round(min(whole.duration_s, song.duration_s) * whole.fps)))
         rng = np.random.default_rng(0)
         scores, motifs = dance_scores(CountedDance(SINGLE, song.name, one), music, rng, scorer=scorer)
         if repertoire is not None:
@@ -198,7 +198,18 @@ def evaluate(
                 notes.append(f"no Fréchet distances{of_one}: {error}")
         measured.append(MeasuredDance(variant, song.name, 0, scores))
         examples.append(ExampleDance(variant, one, None, motifs))
-    facts = {
+    template = scorer.template("") if scorer else None
+    example = ExampleSong(song.name, music.beats_s, tuple(examples), template)
+    facts = _facts(song, repertoire, beats, scorer)
+    described_as = {variant: described for variant, (described, _) in motions.items()}
+    return Evaluation(facts, described_as, tuple(measured), (), tuple(notes), example)
+
+
+def _facts(
+    song: Song, repertoire: Repertoire | None, beats: str | Path, scorer: MotifScorer | None
+) -> dict[str, Any]:
+    """What is evaluated and how."""
+    return {
         "choreograph": version("choreograph"),
         "repertoire": repertoire.path.name if repertoire else None,
         "songs": [song.name],
@@ -209,14 +220,6 @@ def evaluate(
         "frechet_against": "the repertoire's takes" if repertoire else "nothing",
         "seen": False,
     }
-    example = ExampleSong(
-        song.name,
-        music.beats_s,
-        tuple(examples),
-        scorer.template("") if scorer else None,
-    )
-    described_as = {variant: described for variant, (described, _) in motions.items()}
-    return Evaluation(facts, described_as, tuple(measured), (), tuple(notes), example)
 
 
 def _named(motion: object, name: str) -> dict[str, tuple[str, Motion]]:

@@ -18,7 +18,6 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
-PORT = 39539  # of a receiver ("Marionette")
 _POSITION = np.array([-1.0, 1.0, 1.0])  # to Unity's axes
 _QUAT_XYZW = np.array([1.0, -1.0, -1.0, 1.0])  # the same of a rotation
 # Unity's names of humanoid bones begin with a capital letter, those of VRM do not.

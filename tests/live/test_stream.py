@@ -107,4 +107,5 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     dance = ("--dance", tmp_path / "steps.bvh", "--silent")
     assert_one_line(run("live", song, *dance, "--genre", "house"), says="leave out one")
     assert_one_line(run("live", song, *dance, "--host", "no.such.invalid"), says="'no.such.invalid'")
+    assert_one_line(run("live", song, *dance, "--host", f"{'a' * 70}.b"), says="not a name of a machine")
     assert_one_line(run("live", tmp_path / "none.mp3", *dance), says="none.mp3")
