@@ -26,7 +26,7 @@ def gaussian_filter(values: Floats, sigma: float, mode: str = "nearest") -> Floa
     `sigma` is in rows. Beyond the ends are the first and last row (`nearest`), or the rows there, mirrored
     (`reflect`).
     """
-    reach = int(_TRUNCATE * sigma + 0.5)
+    reach = reach_of(sigma)
     at = np.arange(-reach, reach + 1)
     weights = np.exp(-0.5 / (sigma * sigma) * at**2)
     weights /= weights.sum()
@@ -39,6 +39,11 @@ def gaussian_filter(values: Floats, sigma: float, mode: str = "nearest") -> Floa
         _filter_columns(np.ascontiguousarray(padded), weights, of_part)
         filtered[:, part] = of_part.T
     return filtered.reshape(values.shape)
+
+
+def reach_of(sigma: float) -> int:
+    """The number of rows to each side that a filtered row depends on."""
+    return int(_TRUNCATE * sigma + 0.5)
 
 
 @njit("void(float64[:,::1], float64[::1], float64[:,::1])", nogil=True)

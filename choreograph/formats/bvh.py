@@ -255,23 +255,34 @@ class BvhWriter(Writer):
         if self.options.rest is not None:
             motion = with_rest_pose(motion, self.options.rest)
         motion = renamed(motion, self.options.naming)
-        root_pos_m = motion.root_pos_m.copy()
-        if self.options.in_place:
-            root_pos_m[:, [0, 2]] = root_pos_m[0, [0, 2]]
-        order = _file_order(motion.skeleton)
-        rows = np.empty((motion.n_frames, 3 + 3 * len(order)))  # (T, 3 + 3 J)
-        rows[:, :3] = root_pos_m * self.options.units_per_m
-        for column, joint in enumerate(order, start=1):
-            angles = rot.to_euler(self.options.order, motion.local_quat[:, joint])  # (T, 3)
-            rows[:, 3 * column : 3 * column + 3] = np.degrees(np.unwrap(angles, axis=0))
-        line = " ".join(["%.5f"] * rows.shape[1])
+        line = " ".join(["%.5f"] * (3 + 3 * motion.skeleton.n_joints))
         with open(path, "w", encoding="utf-8", newline="\n") as file:
             file.write("HIERARCHY\n")
             file.writelines(f"{text}\n" for text in self._hierarchy(motion.skeleton, 0, ""))
             mark = DANCE_DIGITS if self.is_dance else ""
             file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}{mark}\n")
-            for block in frame_blocks(motion.n_frames):
-                file.writelines(line % tuple(row) + "\n" for row in rows[block].tolist())
+            for rows in self._rows(motion):
+                file.writelines(line % tuple(row) + "\n" for row in rows.tolist())
+
+    def _rows(self, motion: Motion) -> Iterator[NDArray[np.float64]]:
+        """The numbers of each frame in blocks, (T_b, 3 + 3 J)."""
+        order = _file_order(motion.skeleton)
+        before = turns = np.zeros((1, len(order), 3))  # angles of the last frame, and the full turns added
+        for block in frame_blocks(motion.n_frames):
+            root_pos_m = motion.root_pos_m[block].copy()
+            if self.options.in_place:
+                root_pos_m[:, [0, 2]] = motion.root_pos_m[0, [0, 2]]
+            angles = np.empty((len(root_pos_m), len(order), 3))
+            for column, joint in enumerate(order):
+                angles[:, column] = rot.to_euler(self.options.order, motion.local_quat[block, joint])
+            before = angles[:1] if block.start == 0 else before
+            turns = np.cumsum(np.concatenate([turns, _full_turns(np.concatenate([before, angles]))]), axis=0)
+            unwrapped = angles + turns[1:]
+            if block.start == 0:
+                unwrapped[0] = angles[0]  # a zero keeps its sign
+            before, turns = angles[-1:], turns[-1:]
+            root = root_pos_m * self.options.units_per_m
+            yield np.concatenate([root, np.degrees(unwrapped).reshape(len(root), -1)], axis=1)
 
     def _hierarchy(self, skeleton: Skeleton, joint: int, indent: str) -> list[str]:
         # A root offset of zero is safe for readers that add the position channels to it. A rest pose that was
@@ -298,6 +309,16 @@ class BvhWriter(Writer):
 
     def _offset(self, offset_m: np.ndarray) -> str:
         return "OFFSET " + " ".join(f"{value:.6f}" for value in offset_m * self.options.units_per_m)
+
+
+def _full_turns(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What `np.unwrap` adds from each of the angles (T, ...) on, (T - 1, ...): full turns, or zero."""
+    steps = np.diff(angles, axis=0)
+    wrapped = np.mod(steps + np.pi, 2 * np.pi) - np.pi
+    np.copyto(wrapped, np.pi, where=(wrapped == -np.pi) & (steps > 0))
+    added: NDArray[np.float64] = wrapped - steps
+    np.copyto(added, 0.0, where=np.abs(steps) < np.pi)
+    return added
 
 
 def _file_order(skeleton: Skeleton) -> list[int]:

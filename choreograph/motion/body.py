@@ -57,9 +57,9 @@ def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> lis
     return indices
 
 
-def body_pos_m(motion: Motion) -> NDArray[np.float64]:
-    """World positions of the 21 body joints (see `body_indices`), (T, 21, 3) in metres."""
-    joints = body_indices(motion.skeleton)
+def body_pos_m(motion: Motion, names: Sequence[str] = BODY_JOINTS) -> NDArray[np.float64]:
+    """World positions of the 21 body joints, or of others (see `body_indices`), (T, 21, 3) in metres."""
+    joints = body_indices(motion.skeleton, names)
     pos_m = np.empty((motion.n_frames, len(joints), 3))
     for block in frame_blocks(motion.n_frames):
         root_pos_m, local_quat = motion.root_pos_m[block], motion.local_quat[block]

@@ -64,6 +64,20 @@ def lock_feet(
 
     Raises `ParameterError` if shapes disagree, a contact is outside 0 to 1, or the rig's names are unknown.
     """
+    locked = replace(motion, local_quat=motion.local_quat.copy())
+    lock_feet_in_place(locked, contacts, shift_s, floor_m=floor_m, feet_shift_m=feet_shift_m)
+    return locked
+
+
+def lock_feet_in_place(
+    motion: Motion,
+    contacts: NDArray[np.floating] | NDArray[np.bool_] | None = None,
+    shift_s: float | Floats = TAKE_SHIFT_S,
+    *,
+    floor_m: float = 0.0,
+    feet_shift_m: Floats | None = None,
+) -> None:
+    """As `lock_feet`, but it changes the rotations of `motion`."""
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     blocks = list(frame_blocks(motion.n_frames))  # all joints of a long motion are large
 
@@ -83,30 +97,30 @@ def lock_feet(
     given_m = np.zeros((motion.n_frames, 2, 3)) if feet_shift_m is None else feet_shift_m
     feet = zip(*([_of_foot(skeleton, roles, side, *world(b)) for side in SIDES] for b in blocks), strict=True)
     for index, (side, of_blocks) in enumerate(zip(SIDES, feet, strict=True)):
-        foot_m, sole_m, wrong = (np.concatenate(parts) for parts in zip(*of_blocks, strict=True))
+        foot_m, lowest_m, wrong = (np.concatenate(parts) for parts in zip(*of_blocks, strict=True))
         given = given_m[:, index]
         points_m = foot_m + given[:, None]  # (T, 2, 3)
         shift = locking_shift(points_m, confidence[:, 2 * index : 2 * index + 2], motion.fps, shift_s)
-        shift[:, 1] = lift(sole_m + given[:, None], floor_m, ease)
+        shift[:, 1] = lift(lowest_m + given[:, 1], floor_m, ease)
         shift += given
         targets[side] = foot_m[:, 0] + shift * (1.0 - smooth_cover(wrong, ease))[:, None]
-    local_quat = np.empty(motion.local_quat.shape)
+    local_quat = motion.local_quat
     for block in blocks:
         pos_m, global_quat = world(block)
         for side, target in targets.items():
             move_leg(skeleton, roles, side, pos_m, global_quat, target[block])
         local_quat[block] = to_local(skeleton, global_quat)
-    return replace(motion, local_quat=rot.make_continuous(local_quat, out=local_quat))
+    rot.make_continuous(local_quat, out=local_quat)
 
 
 def _of_foot(
     skeleton: Skeleton, roles: dict[str, int], side: str, pos_m: Floats, global_quat: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Ankle and ball of a foot (T, 2, 3), its sole (T, S, 3), and how wrong its knee is bent (T,)."""
+    """Ankle and ball of a foot (T, 2, 3), its lowest height (T,), and how wrong its knee is bent (T,)."""
     ankle = roles[f"{side}_ankle"]
     return (
         pos_m[:, [ankle, roles.get(f"{side}_foot", ankle)]],
-        foot_sole_pos_m(skeleton, pos_m, global_quat, side),
+        foot_sole_pos_m(skeleton, pos_m, global_quat, side)[..., 1].min(axis=1),
         wrong_knee(skeleton, roles, side, pos_m, global_quat),
     )
 
@@ -157,9 +171,9 @@ def _add_differences(bands: Floats, weights: Floats, order: int) -> None:
             bands[j - i, i : i + len(weights)] += weights * a * b
 
 
-def lift(sole_m: Floats, floor_m: float, ease: int) -> Floats:
-    """The lift of a foot, (T,), with which no point of its sole (T, F, 3) is under the floor."""
-    return smooth_cover(np.maximum(floor_m - sole_m[..., 1].min(axis=1), 0.0), ease)
+def lift(lowest_m: Floats, floor_m: float, ease: int) -> Floats:
+    """The lift of a foot, (T,), with which the lowest point of its sole (T,) is not under the floor."""
+    return smooth_cover(np.maximum(floor_m - lowest_m, 0.0), ease)
 
 
 def wrong_knee(
@@ -272,7 +286,7 @@ class FootLockStream:
         self._shifts[side] = shift[n_frames : n_frames + _GIVEN]
         moved = shift[_GIVEN : _GIVEN + n_frames].copy()
         soles_m = foot_sole_pos_m(self._skeleton, self._pos_m, self._quat, side)
-        moved[:, 1] = lift(soles_m, 0.0, ease)[first : first + n_frames]
+        moved[:, 1] = lift(soles_m[..., 1].min(axis=1), 0.0, ease)[first : first + n_frames]
         wrong = wrong_knee(self._skeleton, self._roles, side, self._pos_m, self._quat)
         moved *= 1.0 - smooth_cover(wrong, ease)[first : first + n_frames, None]
         return self._pos_m[first : first + n_frames, ankle] + moved

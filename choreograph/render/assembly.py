@@ -77,6 +77,6 @@ def assemble(
     n_frames = max(1, seconds_to_frames(duration_s, fps))
     for block in frame_blocks(total):
         quat_out[block] = rot.normalize(quat_out[block])
-    motion = Motion(previous.skeleton, root_out, rot.make_continuous(quat_out), fps)
+    motion = Motion(previous.skeleton, root_out, rot.make_continuous(quat_out, out=quat_out), fps)
     joins = Joins(np.array([run.start_s for run in runs[1:]], np.float64), tuple(feet_m))
     return motion.sliced(0, min(n_frames, total)), joins

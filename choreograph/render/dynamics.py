@@ -7,12 +7,12 @@ the takes. In a stop, a pose is held in the way of the poses at both ends of a d
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from choreograph.core.filters import gaussian_filter
+from choreograph.core.filters import gaussian_filter, reach_of
 from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
 from choreograph.core.timebase import NET_FPS, frame_times_s
 from choreograph.motion import rotations as rot
@@ -20,7 +20,7 @@ from choreograph.motion.foot_locking import SIDES, move_leg
 from choreograph.motion.kinematics import ancestors, forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
-from choreograph.render.held_poses import eased_in
+from choreograph.render.held_poses import copied, eased_in
 from choreograph.render.runs import Run
 
 LEAST_AMPLITUDE, GREATEST_AMPLITUDE = 0.5, 1.1
@@ -29,7 +29,6 @@ _ACCENT = 0.5  # of a rise of the energy within 2 s, added to the energy of its 
 _MEAN_POSE_S = 0.6  # standard deviation of the Gaussian that averages poses: about a count to each side
 _USUAL_PERCENTILE = 75  # of the energy, at which a dance has the size of the takes
 _NEARLY_USUAL = 0.1  # of the energy. A rise to a softer second is no accent
-_JOINTS_AT_ONCE = 6  # whose rotations are copied to average them
 _STEP = 0.05  # of amplitudes, so that a song of one loudness has none
 _KEPT_RAD = 0.8, 3.0  # excursions from the mean pose up to the first are scaled, and from the second on kept
 
@@ -59,6 +58,13 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
     """
     if not amplitudes:
         return motion
+    scaled = copied(motion)
+    scale_in_place(scaled, amplitudes)
+    return scaled
+
+
+def scale_in_place(motion: Motion, amplitudes: Sequence[float]) -> None:
+    """As `with_amplitudes`, but it changes the arrays of `motion`."""
     knots_s = np.arange(len(amplitudes)) + 0.5
     times_s = frame_times_s(motion.n_frames, motion.fps)
     scale = _smooth(np.interp(times_s, knots_s, amplitudes), motion.fps)[:, None]  # (T, 1)
@@ -72,20 +78,20 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
     parts_m = [forward(skeleton, motion.root_pos_m[b], motion.local_quat[b])[0][:, ankles] for b in blocks]
     ankle_m = np.concatenate(parts_m)  # (T, 2, 3)
     root_pos_m = _scaled_path(motion.root_pos_m, scale, motion.fps)
+    local_quat = rot.make_continuous(motion.local_quat, out=motion.local_quat)
     away_m = ankle_m - motion.root_pos_m[:, None]
     mean_m = _smooth(away_m, motion.fps)
     target_m = root_pos_m[:, None] + mean_m + scale[:, None] * (away_m - mean_m)
     target_m[..., 1] = ankle_m[..., 1]  # a lower foot would slide on the floor
-    local_quat = _scaled_turns(motion.local_quat, scale, motion.fps)
-    for block in blocks:
-        _, before_quat = forward(skeleton, motion.root_pos_m[block], motion.local_quat[block])
-        moved_m, global_quat = forward(skeleton, root_pos_m[block], local_quat[block])
+    for block, turns in zip(blocks, _scaled_turns(local_quat, scale, motion.fps), strict=True):
+        _, before_quat = forward(skeleton, motion.root_pos_m[block], local_quat[block])
+        moved_m, global_quat = forward(skeleton, root_pos_m[block], turns)
         for index, side in enumerate(SIDES):
             global_quat[:, feet[side]] = before_quat[:, feet[side]]  # the foot keeps its rotation
             move_leg(skeleton, roles, side, moved_m, global_quat, target_m[block, index])
         local_quat[block] = to_local(skeleton, global_quat)
-    local_quat = rot.make_continuous(local_quat, out=local_quat)
-    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
+    rot.make_continuous(local_quat, out=local_quat)
+    motion.root_pos_m[:] = root_pos_m
 
 
 def _smooth(values: Floats, fps: float) -> Floats:
@@ -102,22 +108,25 @@ def _scaled_path(root_pos_m: Floats, scale: Floats, fps: float) -> Floats:
     return path_m
 
 
-def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Floats:
-    """Rotations (T, J, 4) with `scale` (T, 1) times their excursion from the mean.
+def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Iterator[Floats]:
+    """Blocks of rotations (T, J, 4) with `scale` (T, 1) times their excursion from the mean.
 
-    A large excursion is kept, because the other way round would be as far.
+    A large excursion is kept, because the other way round would be as far. The rows of a block may be
+    changed before the next block is taken: what its means need of them is copied before.
     """
-    scaled = np.empty(local_quat.shape)  # (T, J, 4)
-    for joints in frame_blocks(local_quat.shape[1], _JOINTS_AT_ONCE):
-        scaled[:, joints] = _smooth(rot.make_continuous(local_quat[:, joints]), fps)
-    for block in frame_blocks(len(scaled)):
-        mean_quat = rot.normalize(scaled[block])
-        excursion = rot.to_rotvec(rot.multiply(rot.invert(mean_quat), local_quat[block]))  # (T_b, J, 3)
+    reach = reach_of(_MEAN_POSE_S * fps)
+    before = local_quat[:0]  # unchanged frames before the block
+    for block in frame_blocks(len(local_quat)):
+        rows = local_quat[block]
+        near = np.concatenate([before, local_quat[block.start : block.stop + reach]])
+        means = _smooth(near, fps)[len(before) : len(before) + len(rows)]
+        before = near[max(0, len(before) + len(rows) - reach) : len(before) + len(rows)]
+        mean_quat = rot.normalize(means)
+        excursion = rot.to_rotvec(rot.multiply(rot.invert(mean_quat), rows))  # (T_b, J, 3)
         size_rad = np.linalg.norm(excursion, axis=-1)
         kept = np.clip((size_rad - _KEPT_RAD[0]) / (_KEPT_RAD[1] - _KEPT_RAD[0]), 0.0, 1.0)
         of_joint = 1.0 + (scale[block] - 1.0) * (1.0 - kept * kept * (3.0 - 2.0 * kept))  # (T_b, J)
-        scaled[block] = rot.multiply(mean_quat, rot.from_rotvec(of_joint[..., None] * excursion))
-    return scaled
+        yield rot.multiply(mean_quat, rot.from_rotvec(of_joint[..., None] * excursion))
 
 
 # Stops: the dance stands still where its song is silent.

@@ -43,24 +43,60 @@ def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Moti
     shifts its weight.
     """
     times_s = frame_times_s(motion.n_frames, motion.fps)
+    if np.array_equal(played_times_s(times_s, opening_s, closing_s), times_s):
+        return motion
+    held = copied(motion)
+    hold_ends_in_place(held, opening_s, closing_s)
+    return held
+
+
+def copied(motion: Motion) -> Motion:
+    """The motion with arrays of its own."""
+    return replace(motion, root_pos_m=motion.root_pos_m.copy(), local_quat=motion.local_quat.copy())
+
+
+@dataclass(frozen=True, eq=False)
+class Replaced:
+    """Frames of a motion as they were before they were changed in place."""
+
+    first: int
+    root_pos_m: Floats  # (n, 3)
+    local_quat: Floats  # (n, J, 4)
+
+    @staticmethod
+    def of(motion: Motion, frames: slice) -> Replaced:
+        """A copy of `frames`, of which `start` and `stop` are given."""
+        return Replaced(frames.start, motion.root_pos_m[frames].copy(), motion.local_quat[frames].copy())
+
+    def put_back(self, motion: Motion) -> None:
+        """Change the frames back. The signs of later rotations may stay opposite to what they were."""
+        frames = slice(self.first, self.first + len(self.root_pos_m))
+        motion.root_pos_m[frames], motion.local_quat[frames] = self.root_pos_m, self.local_quat
+
+
+def hold_ends_in_place(motion: Motion, opening_s: float, closing_s: float | None) -> list[Replaced]:
+    """As `hold_ends`, but it changes the arrays of `motion`. Returns the frames as they were, in order."""
+    times_s = frame_times_s(motion.n_frames, motion.fps)
     played_s = played_times_s(times_s, opening_s, closing_s)
     moved = np.flatnonzero(played_s != times_s)
     if len(moved) == 0:
-        return motion
-    root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
-    for part in np.split(moved, np.flatnonzero(np.diff(moved) > 1) + 1):
-        held = _played(motion, np.clip(played_s[part] * motion.fps, 0.0, motion.n_frames - 1))
-        root_pos_m[part], local_quat[part] = held.root_pos_m, held.local_quat
-    rot.make_continuous(local_quat, out=local_quat)
+        return []
+    parts = np.split(moved, np.flatnonzero(np.diff(moved) > 1) + 1)  # one or two
+    frames = [np.clip(played_s[part] * motion.fps, 0.0, motion.n_frames - 1) for part in parts]
+    played = [_played(motion, of_part) for of_part in frames]
+    replaced = [Replaced.of(motion, slice(int(part[0]), int(part[-1]) + 1)) for part in parts]
+    for part, held in zip(parts, played, strict=True):
+        motion.root_pos_m[part], motion.local_quat[part] = held.root_pos_m, held.local_quat
+    rot.make_continuous(motion.local_quat, out=motion.local_quat)
     if opening_s > 0:
         from_s, to_s = setting_off_s(opening_s)
         share = 1.0 - _speed(_since(times_s, from_s, to_s))
-        _hold(motion, root_pos_m, local_quat, _Held(share, 0, _BREATHS_HZ[0], from_s))
+        replaced += _hold(motion, _Held(share, 0, _BREATHS_HZ[0], from_s))
     if closing_s is not None:
         from_s, to_s = coming_to_rest_s(opening_s, closing_s)
         share = _speed(_since(times_s, from_s, to_s))
-        _hold(motion, root_pos_m, local_quat, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
-    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
+        replaced += _hold(motion, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
+    return replaced
 
 
 def _played(motion: Motion, frames: Floats) -> Motion:
@@ -80,14 +116,26 @@ def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: f
     """
     if not stops_s:
         return motion
+    held = copied(motion)
+    hold_stops_in_place(held, stops_s, ease_s)
+    return held
+
+
+def hold_stops_in_place(
+    motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float
+) -> list[Replaced]:
+    """As `hold_stops`, but it changes the arrays of `motion`, as `hold_ends_in_place` does."""
+    if not stops_s:
+        return []
     times_s = frame_times_s(motion.n_frames, motion.fps)
-    root_pos_m, local_quat = motion.root_pos_m.copy(), rot.make_continuous(motion.local_quat)
+    rot.make_continuous(motion.local_quat, out=motion.local_quat)
+    replaced = []
     for rests_s, moves_s in stops_s:
         share = _speed(_since(times_s, rests_s - ease_s, rests_s))
         share *= 1.0 - _speed(_since(times_s, moves_s - ease_s, moves_s))
         frame = min(round(rests_s * motion.fps), motion.n_frames - 1)
-        _hold(motion, root_pos_m, local_quat, _Held(share, frame, _BREATHS_HZ[1], rests_s))
-    return replace(motion, root_pos_m=root_pos_m, local_quat=local_quat)
+        replaced += _hold(motion, _Held(share, frame, _BREATHS_HZ[1], rests_s))
+    return replaced
 
 
 def eased_in(since: Floats) -> Floats:
@@ -131,15 +179,16 @@ class _Held:
     from_s: float  # at which the movement of breath and weight passes through zero
 
 
-def _hold(motion: Motion, roots: Floats, quats: Floats, pose: _Held) -> None:
-    """Change roots (T, 3) and rotations (T, J, 4) of a motion to a pose that is held.
+def _hold(motion: Motion, pose: _Held) -> list[Replaced]:
+    """Change roots and rotations of a motion to a pose that is held. Returns the frames as they were.
 
     It stands on both feet, breathes and shifts its weight. The signs of rotations remain continuous.
     """
     held = np.flatnonzero(pose.share > 0)
     if len(held) == 0:
-        return
+        return []
     part = slice(int(held[0]), int(held[-1]) + 1)
+    roots, quats, replaced = motion.root_pos_m, motion.local_quat, Replaced.of(motion, part)
     share, frame = pose.share[part, None], pose.frame - part.start
     phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - pose.from_s
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
@@ -165,6 +214,7 @@ def _hold(motion: Motion, roots: Floats, quats: Floats, pose: _Held) -> None:
         flipped = np.sum(near[-1] * quats[part.stop], axis=-1) < 0  # (J,)
         if flipped.any():
             quats[part.stop :] *= np.where(flipped, -1.0, 1.0)[:, None]
+    return [replaced]
 
 
 def _sway_m(pose_m: Floats, roles: dict[str, int], phase_s: Floats) -> Floats:

@@ -15,15 +15,21 @@ from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numeric
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit, PlannedWord, held_spans_s
 from choreograph.render.assembly import assemble
-from choreograph.render.dynamics import STOP_EASE_S, with_amplitudes, with_stops
+from choreograph.render.dynamics import STOP_EASE_S, scale_in_place, with_stops
 from choreograph.render.filled_gaps import fill_gaps, of_length
-from choreograph.render.held_poses import hold_ends, hold_stops
+from choreograph.render.held_poses import (
+    Replaced,
+    copied,
+    hold_ends,
+    hold_ends_in_place,
+    hold_stops_in_place,
+)
 from choreograph.render.runs import (
     MotionReader,
     RecentRuns,
@@ -223,7 +229,7 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
     if not plan.stops_s:
         if not plan.amplitudes:
             return hold_ends(motion, plan.opening_s, plan.closing_s)
-        return _with_dynamics(motion, Joins(np.zeros(0), ()), plan)
+        return _with_dynamics(copied(motion), Joins(np.zeros(0), ()), plan)
     end_s = motion.duration_s
     whole = Run("", 0.0, end_s, np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1))
     borders_s = [0.0, *(moves_s - STOP_EASE_S for _, moves_s in plan.stops_s), end_s]
@@ -238,22 +244,26 @@ def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
     """The motion with the amplitudes and held poses of its plan, and with its feet locked.
 
     A held pose breathes as much in a soft part of the song as in a loud one. The contacts are those without
-    amplitudes, because a smaller step may not leave the floor.
+    amplitudes, because a smaller step may not leave the floor. The arrays of `motion` are changed, because
+    those of a long dance are large.
     """
 
-    def held(whole: Motion) -> Motion:
-        whole = hold_ends(whole, plan.opening_s, plan.closing_s)
-        return hold_stops(whole, plan.stops_s, STOP_EASE_S)
+    def hold() -> list[Replaced]:
+        replaced = hold_ends_in_place(motion, plan.opening_s, plan.closing_s)
+        return replaced + hold_stops_in_place(motion, plan.stops_s, STOP_EASE_S)
 
     contacts: Floats | None = None
-    if plan.lock_feet and plan.amplitudes:  # first, so that two motions of a long dance are not kept at once
-        contacts = _contacts(held(motion), joins, plan.opening_s, plan.closing_s)
-    sized = held(with_amplitudes(motion, plan.amplitudes))
-    return (
-        lock_feet_at_joins(sized, joins, plan.opening_s, plan.closing_s, contacts)
-        if plan.lock_feet
-        else sized
-    )
+    if plan.amplitudes:
+        if plan.lock_feet:
+            replaced = hold()
+            contacts = _contacts(motion, joins, plan.opening_s, plan.closing_s)
+            for frames in reversed(replaced):
+                frames.put_back(motion)
+        scale_in_place(motion, plan.amplitudes)
+    hold()
+    if plan.lock_feet:
+        lock_feet_in_place(motion, *_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts))
+    return motion
 
 
 def lock_feet_at_joins(
@@ -267,8 +277,17 @@ def lock_feet_at_joins(
 
     They are locked firmly near joins between the held poses.
     """
+    locked = copied(motion)
+    lock_feet_in_place(locked, *_at_joins(motion, joins, opening_s, closing_s, contacts))
+    return locked
+
+
+def _at_joins(
+    motion: Motion, joins: Joins, opening_s: float, closing_s: float | None, contacts: Floats | None
+) -> tuple[Floats, Floats]:
+    """Contacts (T, 4), unless they are given, and the times (T,) over which shifts of feet come and go."""
     contacts = _contacts(motion, joins, opening_s, closing_s) if contacts is None else contacts
-    return lock_feet(motion, contacts, shift_s=joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
+    return contacts, joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S)
 
 
 def _contacts(motion: Motion, joins: Joins, opening_s: float, closing_s: float | None) -> Floats:

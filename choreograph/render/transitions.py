@@ -14,8 +14,8 @@ from choreograph.core.numerics import NO_MEMORY, Floats, Memory
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import BODY_JOINTS, body_pos_m
-from choreograph.motion.contacts import CONTACT_JOINTS, FLOOR_PERCENT, contacts_above, foot_contacts
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.contacts import CONTACT_JOINTS, FLOOR_PERCENT, contacts_above
 from choreograph.motion.motion import Motion
 from choreograph.render.runs import MotionReader, Run, SampledRun, TransitionTiming, alignment_at, sample_run
 from choreograph.settings import TRANSITION_LENGTHS_S
@@ -196,7 +196,6 @@ _LOCKED_S = 0.35  # distance from a join within which feet are locked firmly
 _FIRM_SHIFT_S = 0.06  # time over which the shift of a foot comes and goes there
 _EASE_S = 0.3  # from there to the longer time of the rest of the dance
 _CONTACT_EASE_S = 0.04  # standard deviation of the Gaussian that smooths contacts
-_FEET = [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,25 +207,31 @@ class Joins:
 
     def contacts(self, motion: Motion, from_s: float, to_s: float) -> Floats:
         """Contacts (T, 4) of a motion, and near joins from `from_s` to `to_s` also those of its takes."""
-        body_m = body_pos_m(motion)
-        floor_m = np.percentile(body_m[:, _FEET, 1], FLOOR_PERCENT, axis=0)
+        feet_m = body_pos_m(motion, CONTACT_JOINTS)  # (T, 4, 3)
+        floor_m = np.percentile(feet_m[..., 1], FLOOR_PERCENT, axis=0)
         of_takes = np.zeros((motion.n_frames, 4))
-        for first, feet_m in self.feet_m:
-            rows = of_takes[first : first + len(feet_m)]
-            rows[:] = np.maximum(rows, contacts_above(feet_m, floor_m, motion.fps)[: len(rows)])
+        for first, of_take_m in self.feet_m:
+            rows = of_takes[first : first + len(of_take_m)]
+            rows[:] = np.maximum(rows, contacts_above(of_take_m, floor_m, motion.fps)[: len(rows)])
         of_takes = gaussian_filter(of_takes, _CONTACT_EASE_S * motion.fps, "reflect")
         times_s = frame_times_s(motion.n_frames, motion.fps)
         of_takes[(times_s < from_s) | (times_s > to_s)] = 0.0
-        contacts: Floats = np.maximum(foot_contacts(body_m, motion.fps), of_takes).clip(0.0, 1.0)
-        return contacts
+        contacts = np.empty_like(of_takes)
+        for joint in range(4):  # one by one, since all of a long dance are large
+            one = slice(joint, joint + 1)
+            contacts[:, one] = contacts_above(feet_m[:, one], floor_m[one], motion.fps)
+        return np.maximum(contacts, of_takes, out=contacts).clip(0.0, 1.0, out=contacts)
 
     def shift_s(self, n_frames: int, fps: float, usual_s: float) -> Floats:
         """Time (T,) over which the shift of a locked foot comes and goes: `usual_s`, and less near joins."""
         times_s = frame_times_s(n_frames, fps)
         near = np.zeros(n_frames)
+        reach = seconds_to_frames(_LOCKED_S + _EASE_S, fps) + 2
         for at_s in self.times_s:
-            away = np.clip((np.abs(times_s - at_s) - _LOCKED_S) / _EASE_S, 0.0, 1.0)
-            near = np.maximum(near, 1.0 - away * away * (3.0 - 2.0 * away))
+            frame = seconds_to_frames(at_s, fps)
+            part = slice(max(0, frame - reach), max(0, frame + reach))
+            away = np.clip((np.abs(times_s[part] - at_s) - _LOCKED_S) / _EASE_S, 0.0, 1.0)
+            near[part] = np.maximum(near[part], 1.0 - away * away * (3.0 - 2.0 * away))
         shift_s: Floats = usual_s * (_FIRM_SHIFT_S / usual_s) ** near
         return shift_s
 
