@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import Counts
 from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.motion.body import ground_pos_m, to_root_frame
-from choreograph.music.form import count_distances
+from choreograph.music.form import CountDistances
 
 _LENGTHS = (1, 2, 4, 8, 16, 32)  # in bars, or in counts if bars are not known
 _AFTER_S = 0.1  # poses so long after the start and after the end of a loop must agree as well
@@ -72,7 +72,7 @@ def song_distances(features: NDArray[np.floating], counts: Counts) -> Floats:
     (B, 87) of `form.song_form`, of which row q begins at count q.
     """
     n, reach = min(len(counts), len(features)), counts.metre or _REACH
-    away = count_distances(features[:n])
+    away = CountDistances(features[:n]).rows(0, n)
     padded = np.pad(away, reach, mode="edge")
     steps = range(2 * reach)  # from a bar before to the last count of a bar after
     around: Floats = np.mean([padded[step : step + n, step : step + n] for step in steps], axis=0)

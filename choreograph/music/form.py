@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,7 +25,9 @@ _NONE = np.zeros(0)
 _LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 # Phrases. The features that are compared, the largest distance of repeats (of the median of two counts), and
 # the terms of the choice of phrases.
-_ROWS_AT_ONCE = 256  # of the distances of counts
+_WHOLE_ROWS = 1536  # of the distances of counts that are computed at once: 12 minutes of song
+_ROWS_AT_ONCE = 384  # in longer songs. With other numbers, products of matrices are rounded otherwise
+_ROWS_CHANGED = 128
 _SAMPLED = 20_000  # values, of which the median of all is near that of the sample
 _AROUND_MEDIAN = 0.47, 0.53  # shares of the sample
 _COMPARED = ("chroma", "chroma_cqt", "mel_db")
@@ -120,14 +123,15 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     downbeats = downbeats[downbeats < len(features)]
     if len(downbeats) == 0:
         return Form.empty()
-    away = count_distances(features)
+    away = CountDistances(features)
     bounds = _phrase_bounds(away, np.append(downbeats, len(features)))
+    apart = _phrase_distances(away, bounds)
     phrases: list[Phrase] = []
-    for start, end in pairwise(bounds.tolist()):
+    for index, (start, end) in enumerate(pairwise(bounds.tolist())):
         most = (end - start) / _CUT_OFF_SHARE if end == bounds[-1] else end - start
         section = int(np.searchsorted(sections.bounds_s[1:-1], bounds_s[start], side="right"))
         same = [
-            _mean_distance(away, bounds[before], start, end - start)
+            apart[before, index]
             if phrase.repeats is None and end - start <= phrase.n_counts <= most
             else np.inf
             for before, phrase in enumerate(phrases)
@@ -140,46 +144,90 @@ def song_form(features: NDArray[np.floating], bounds_s: Floats, counts: Counts, 
     return Form(tuple(phrases))
 
 
-def count_distances(features: NDArray[np.floating]) -> Floats:
-    """Distances of any two rows of spectral features (N, 87), (N, N), relative to their median."""
-    groups = []
-    for name in _COMPARED:
-        columns = features[:, SPECTRAL_COLUMNS[name]].astype(np.float64)
-        spread = columns.std(axis=0) + 1e-6
-        groups.append((columns - columns.mean(axis=0)) / spread / np.sqrt(columns.shape[1]))
-    vectors = np.hstack(groups)  # (N, F)
-    squared = np.square(vectors).sum(axis=1)
-    away: Floats = 2 * vectors @ vectors.T  # 0.4 GB for an hour of song: changed in place
-    for rows in frame_blocks(len(away), _ROWS_AT_ONCE):
-        away[rows] = np.sqrt(np.maximum(squared[rows, None] + squared - away[rows], 0.0))
-    away /= max(_median(away), 1e-9)
-    return away
+class CountDistances:
+    """Distances of any two rows of spectral features (N, 87), relative to their median.
 
-
-def _median(values: Floats) -> float:
-    """The median of an array (N, M) as NumPy's, which would copy the array.
-
-    It is found among the values between two others, which enclose it in a sample.
+    They are computed in blocks of rows when they are read, since all of an hour of song take 0.5 GB.
     """
-    n_values, sample = values.size, np.sort(values.ravel()[:: max(1, values.size // _SAMPLED)])
-    low, high = (float(sample[int(share * (len(sample) - 1))]) for share in _AROUND_MEDIAN)
-    n_below, near = 0, []
-    for rows in frame_blocks(len(values), _ROWS_AT_ONCE):
-        n_below += int(np.count_nonzero(values[rows] < low))
-        near.append(values[rows][(values[rows] >= low) & (values[rows] <= high)])
+
+    def __init__(self, features: NDArray[np.floating]) -> None:
+        groups = []
+        for name in _COMPARED:
+            columns = features[:, SPECTRAL_COLUMNS[name]].astype(np.float64)
+            spread = columns.std(axis=0) + 1e-6
+            groups.append((columns - columns.mean(axis=0)) / spread / np.sqrt(columns.shape[1]))
+        self._vectors = np.hstack(groups)  # (N, F)
+        self._squared = np.square(self._vectors).sum(axis=1)
+        self._size = len(features) if len(features) <= _WHOLE_ROWS else _ROWS_AT_ONCE
+        self._recent: dict[int, Floats] = {}  # the last two blocks, by their numbers
+        self._median = 1.0
+        low, high = np.quantile(self._sample(), _AROUND_MEDIAN)
+        numbers = range(-(-len(features) // self._size))
+        self._median = max(_median(lambda: map(self._block, numbers), float(low), float(high)), 1e-9)
+
+    def rows(self, first: int, stop: int, columns: slice = slice(None)) -> Floats:
+        """Rows `first` to `stop` - 1 of the distances, (n, N). They are fastest to read in order."""
+        parts = []
+        for number in range(first // self._size, (stop - 1) // self._size + 1):
+            begin = number * self._size
+            parts.append(self._kept(number)[max(0, first - begin) : stop - begin, columns])
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _kept(self, number: int) -> Floats:
+        if number not in self._recent:
+            self._recent = dict(list(self._recent.items())[-1:])
+            self._recent[number] = self._block(number)
+        return self._recent[number]
+
+    def _block(self, number: int) -> Floats:
+        rows = slice(number * self._size, (number + 1) * self._size)
+        away: Floats = 2 * self._vectors[rows] @ self._vectors.T
+        for part in frame_blocks(len(away), _ROWS_CHANGED):  # in place
+            squared = self._squared[rows][part, None] + self._squared - away[part]
+            away[part] = np.sqrt(np.maximum(squared, 0.0, out=squared), out=squared)
+        away /= self._median
+        return away
+
+    def _sample(self) -> Floats:
+        """Some of the distances, about as they are."""
+        n = len(self._squared)
+        one, other = np.divmod(np.arange(0, n * n, max(1, n * n // _SAMPLED)), n)
+        return np.linalg.norm(self._vectors[one] - self._vectors[other], axis=1)
+
+
+def _median(blocks: Callable[[], Iterable[Floats]], low: float, high: float) -> float:
+    """The median of the values of all blocks as NumPy's, which would need them at once.
+
+    Only values from `low` to `high` are sorted, if it is among them.
+    """
+    n_values, n_below, near = 0, 0, []
+    for block in blocks():
+        n_values += block.size
+        n_below += int(np.count_nonzero(block < low))
+        near.append(block[(block >= low) & (block <= high)])
     found, middle = np.sort(np.concatenate(near)), (n_values - 1) // 2 - n_below
     if middle < 0 or middle + 1 >= len(found):
-        return float(np.median(values))
+        return float(np.median(found)) if len(found) == n_values else _median(blocks, -np.inf, np.inf)
     return float(np.mean(found[middle : middle + 2 - n_values % 2]))
 
 
-def _mean_distance(away: Floats, one: int, other: int, n_counts: int) -> float:
-    """Mean distance of two spans, count by count."""
-    steps = np.arange(n_counts)
-    return float(away[one + steps, other + steps].mean())
+def _phrase_distances(away: CountDistances, bounds: Indices) -> Floats:
+    """Mean distance, count by count, of each phrase and the later ones that are no longer, (P, P).
+
+    The bounds (P + 1,) are counts. The last phrase is compared as far as it goes.
+    """
+    starts, lengths = bounds[:-1], np.diff(bounds)
+    apart = np.full((len(starts), len(starts)), np.inf)
+    for one, (start, length) in enumerate(zip(starts.tolist(), lengths.tolist(), strict=True)):
+        of_counts = away.rows(start, start + length)
+        for other in range(one + 1, len(starts)):
+            if lengths[other] <= length:
+                steps = np.arange(lengths[other])
+                apart[one, other] = of_counts[steps, starts[other] + steps].mean()
+    return apart
 
 
-def _phrase_bounds(away: Floats, bars: Indices) -> Indices:
+def _phrase_bounds(away: CountDistances, bars: Indices) -> Indices:
     """First counts of the phrases, and the end of the last one, among the bounds of bars (B + 1,).
 
     The phrases have the greatest sum of two terms: how much the music changes at each start, and the share of
@@ -205,37 +253,43 @@ def _phrase_bounds(away: Floats, bars: Indices) -> Indices:
     return bars[bounds[::-1]]
 
 
-def _changes(away: Floats, bars: Indices) -> Floats:
+def _changes(away: CountDistances, bars: Indices) -> Floats:
     """How much the music differs before and after the start of each bar, (B,), standardised."""
     change = np.zeros(len(bars) - 1)
     for bar in range(1, len(bars) - 1):
         reach = min(_CHANGE_BARS, bar, len(bars) - 1 - bar)
-        left = slice(bars[bar - reach], bars[bar])
-        right = slice(bars[bar], bars[bar + reach])
-        within = 0.5 * (away[left, left].mean() + away[right, right].mean())
-        change[bar] = away[left, right].mean() - within
+        first, stop = bars[bar - reach], bars[bar + reach]
+        near = away.rows(first, stop, slice(first, stop))
+        left, right = slice(bars[bar] - first), slice(bars[bar] - first, None)
+        within = 0.5 * (near[left, left].mean() + near[right, right].mean())
+        change[bar] = near[left, right].mean() - within
     spread = float(change.std())
     return (change - change.mean()) / spread if spread > 0 else change
 
 
-def _repeat_rewards(away: Floats, bars: Indices) -> dict[int, Floats]:
+def _repeat_rewards(away: CountDistances, bars: Indices) -> dict[int, Floats]:
     """For each length in bars, the reward (B,) of a phrase there if another span is the same music."""
     lengths = np.diff(bars)
     n_bars = len(lengths)
     rewards = {n: np.zeros(n_bars) for n in _PENALTIES}
     of_bars = np.full((n_bars, n_bars), np.inf)  # mean distance of two bars of one length
-    for length in np.unique(lengths):
-        same = np.flatnonzero(lengths == length)
-        counts = bars[same][:, None] + np.arange(length)  # (bars, length)
-        of_bars[np.ix_(same, same)] = away[counts[:, None], counts[None]].mean(axis=2)
+    same = {length: np.flatnonzero(lengths == length) for length in np.unique(lengths).tolist()}
+    for bar, length in enumerate(lengths.tolist()):
+        steps, others = np.arange(length), same[length]
+        of_counts = away.rows(bars[bar], bars[bar + 1])[
+            steps, bars[others][:, None] + steps
+        ]  # (bars, length)
+        of_bars[bar, others] = of_counts.mean(axis=1)
     for n, reward in rewards.items():
         n_starts = n_bars - n + 1
         if n < _SHORTEST_REPEAT_BARS or n_starts < 1:
             continue
-        spans = sum(of_bars[k : k + n_starts, k : k + n_starts] for k in range(n)) / n
-        starts = np.arange(n_starts)
-        overlap = np.abs(starts[:, None] - starts) < n
-        nearest = np.where(overlap, np.inf, spans).min(axis=1)
+        starts, nearest = np.arange(n_starts), np.empty(n_starts)
+        for rows in frame_blocks(n_starts, _ROWS_CHANGED):
+            begins = starts[rows]
+            spans = sum(of_bars[begins[0] + k : begins[-1] + 1 + k, k : k + n_starts] for k in range(n)) / n
+            overlap = np.abs(begins[:, None] - starts) < n
+            nearest[rows] = np.where(overlap, np.inf, spans).min(axis=1)
         reward[:n_starts] = _REPEAT_REWARD * n / 4 * np.maximum(0.0, 1.0 - nearest / _SAME_PHRASE_DISTANCE)
     return rewards
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -31,6 +32,7 @@ BATCH_SIZE = 128  # rows that a network takes at once
 MEL_FRAMES = SEGMENT_S * MUSIC_FPS
 EPSILON = 1e-5  # of torch's normalisations
 _CONV_ROWS = 1024  # of a convolution over rows and columns, computed at once
+_CONV_FRAMES = 8192  # of a convolution over frames
 
 
 class TrainedNet(ABC):
@@ -84,12 +86,27 @@ def conv1d(x: Array, weights: Mapping[str, Array], name: str, *, dilation: int =
     kernel = weights[f"{name}.weight"]  # (O, C, K)
     n_frames, n_taps = x.shape[1], kernel.shape[2]
     side = n_taps // 2 * dilation
-    padded = np.pad(x, ((0, 0), (side, side), (0, 0)))
-    # All taps of a frame side by side, so that the sum over taps and channels is one product of matrices.
-    taps = np.concatenate([padded[:, k * dilation : k * dilation + n_frames] for k in range(n_taps)], axis=2)
     flat = kernel.transpose(2, 1, 0).reshape(-1, len(kernel))  # (K C, O)
-    result = taps.reshape(-1, len(flat)) @ flat + weights[f"{name}.bias"]
-    return result.reshape(len(x), n_frames, -1)
+    result = np.empty((len(x), n_frames, len(kernel)), np.float32)
+    # A short block would have its products computed in another order, so all are about as long.
+    bounds = np.linspace(0, n_frames, n_frames // _CONV_FRAMES + 2).astype(np.int64).tolist()
+    for low, stop in pairwise(bounds):
+        padded = padded_frames(x, low - side, stop + side)
+        n_rows = stop - low
+        # All taps of a frame side by side, so that the sum over taps and channels is one product of matrices.
+        taps = np.concatenate(
+            [padded[:, k * dilation : k * dilation + n_rows] for k in range(n_taps)], axis=2
+        )
+        product = taps.reshape(-1, len(flat)) @ flat + weights[f"{name}.bias"]
+        result[:, low:stop] = product.reshape(len(x), n_rows, -1)
+    return result
+
+
+def padded_frames(x: Array, first: int, stop: int) -> Array:
+    """Frames `first` to `stop` - 1 of rows (B, T, ...), with zeros before and after the rows."""
+    n_frames = x.shape[1]
+    outside = (max(0, -first), max(0, stop - n_frames))
+    return np.pad(x[:, max(0, first) : min(n_frames, stop)], ((0, 0), outside, *[(0, 0)] * (x.ndim - 2)))
 
 
 def conv2d(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import MUSIC_FPS
 from choreograph.music.bar_pointer import METRES, PhaseCurves, PointerConfig, decode_counts
 from choreograph.music.beats import level_normalized, onset_strength, path_of
@@ -116,18 +116,29 @@ class MusicCounts(TrainedNet):
         mel = np.asarray(log_mel, np.float32)
         if mel.ndim != 2 or mel.shape[1] != MEL_BANDS or len(mel) == 0:
             raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {mel.shape}")
-        even = np.pad(levelled(mel), ((0, len(mel) % 2), (0, 0)), mode="edge")
-        hidden = trunk(self._front(even), self.weights, self.config.n_blocks)
+        hidden = trunk(self._front(mel), self.weights, self.config.n_blocks)
         outputs = conv1d(hidden, self.weights, "head")[0].T
         beat, downbeat = sigmoid(outputs[:N_ACTIVATIONS])
         return MusicCurves(beat, downbeat, curves_from(outputs[N_ACTIVATIONS:], CURVE_FPS))
 
     def _front(self, mel: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Features (1, T / 2, C * 8) of normalised log-mel (T, 96)."""
-        x = elu(conv2d(mel[None, None], self.weights, "front.0", stride=(2, 3), padding=(2, 1)))
-        x = elu(conv2d(_halved(x), self.weights, "front.3", stride=(1, 1), padding=(1, 1)))
-        x = _halved(x)  # (1, C, T / 2, 8)
-        return x.transpose(0, 2, 1, 3).reshape(1, x.shape[2], -1)
+        """Features (1, (T + 1) // 2, C * 8) of log-mel (T, 96), computed in blocks of frames."""
+        levels, n_frames, weights = _levels(mel), (len(mel) + 1) // 2, self.weights
+        out = np.empty((1, n_frames, self.config.front_channels[1] * (MEL_BANDS // 12)), np.float32)
+        for block in frame_blocks(n_frames):
+            # The second convolution reads a row before and after the block, and the first one two more.
+            start, stop = max(0, block.start - 1), min(n_frames, block.stop + 1)
+            rows = _levelled(mel[max(0, 2 * start - 2) : 2 * stop + 1], *levels)
+            if stop == n_frames:
+                rows = np.pad(rows, ((0, len(mel) % 2), (0, 0)), mode="edge")
+            outside = (2 if start == 0 else 0, 1 if stop == n_frames else 0)
+            x = np.pad(rows, (outside, (0, 0)))[None, None]
+            x = _halved(elu(conv2d(x, weights, "front.0", stride=(2, 3), padding=(0, 1))))
+            outside = (int(block.start == 0), int(block.stop >= n_frames))
+            x = np.pad(x, ((0, 0), (0, 0), outside, (0, 0)))
+            x = _halved(elu(conv2d(x, weights, "front.3", stride=(1, 1), padding=(0, 1))))  # (1, C, T_b, 8)
+            out[:, block] = x.transpose(0, 2, 1, 3).reshape(1, x.shape[2], -1)
+        return out
 
 
 def _halved(x: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -138,9 +149,23 @@ def _halved(x: NDArray[np.float32]) -> NDArray[np.float32]:
 def levelled(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     """Log-mel (T, 96), normalised for gain and equalisation: 52 dB below its maximum, mean 0 in each band."""
     mel = np.asarray(log_mel, np.float32)
-    mel = np.maximum(mel, mel.max() - _RANGE)
-    result: NDArray[np.float32] = (mel - mel.mean(axis=0)) / _SCALE
-    return result
+    return _levelled(mel, *_levels(mel))
+
+
+def _levels(mel: NDArray[np.float32]) -> tuple[np.float32, NDArray[np.float32]]:
+    """The least value of log-mel (T, 96) that is kept, and the mean of each band (96,) with it."""
+    floor = mel.max() - np.float32(_RANGE)
+    total = np.zeros(mel.shape[1], np.float32)
+    for block in frame_blocks(len(mel)):  # rows are added in the order of NumPy's mean
+        total = np.concatenate([total[None], np.maximum(mel[block], floor)]).sum(axis=0)
+    return floor, (total / np.int64(len(mel))).astype(np.float32)
+
+
+def _levelled(mel: NDArray[np.float32], floor: np.float32, mean: NDArray[np.float32]) -> NDArray[np.float32]:
+    levelled_rows = np.maximum(mel, floor)
+    levelled_rows -= mean
+    levelled_rows /= np.float32(_SCALE)
+    return levelled_rows
 
 
 # Weights of `MusicCounts` in a file: `.npz` in half precision, with the configuration and the training songs.

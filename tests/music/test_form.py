@@ -100,4 +100,6 @@ def test_neighbours_are_merged_as_librosas_segmentation_merges_them(n_parts):
 def test_the_median_is_that_of_numpy(shape, n_values):
     rng = np.random.default_rng(0)
     values = rng.random(shape) if n_values == 0 else rng.integers(0, n_values, shape).astype(float)
-    assert _median(values) == np.median(values)
+    blocks = np.array_split(values, min(3, len(values)))
+    for bounds in ((0.4, 0.6), (-1.0, 5.0), (0.0, 0.1), (7.0, 8.0)):
+        assert _median(lambda: blocks, *bounds) == np.median(values)
