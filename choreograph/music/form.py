@@ -192,7 +192,8 @@ class CountDistances:
         """Some of the distances, about as they are."""
         n = len(self._squared)
         one, other = np.divmod(np.arange(0, n * n, max(1, n * n // _SAMPLED)), n)
-        return np.linalg.norm(self._vectors[one] - self._vectors[other], axis=1)
+        apart: Floats = np.linalg.norm(self._vectors[one] - self._vectors[other], axis=1)
+        return apart
 
 
 def _median(blocks: Callable[[], Iterable[Floats]], low: float, high: float) -> float:

@@ -25,6 +25,7 @@ librosa's defaults (2,048 samples, hop 512, 128 mel bands for the MFCC). Loudnes
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from itertools import accumulate, pairwise
 
@@ -37,7 +38,6 @@ from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music.beats import checked_beat_times_s
 from choreograph.music.constant_q import (
-    N_BINS,
     chroma_filterbank,
     chroma_of,
     constant_q,
@@ -63,7 +63,8 @@ SPECTRAL_DIM = sum(_COLUMNS.values())
 _STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
 _CQT_REACH = 1 << 16  # samples. The lowest octave's filters are this long
-_CQT_BLOCK_FRAMES = 1 << 15  # 13 minutes, which take 0.3 GB. The last bit may differ at a border of blocks
+_CQT_WHOLE_FRAMES = 1 << 15  # 13 minutes, which are transformed at once
+_CQT_BLOCK_FRAMES = 1 << 13  # of a longer song. The last bit may differ at a border of blocks
 _TUNING_HOP = 8 * _HOP
 _TIMBRE_BLOCK_FRAMES = 1024
 _TUNING_BLOCK_FRAMES = 512
@@ -114,18 +115,22 @@ def spectral_features(
         return np.zeros((0, SPECTRAL_DIM), np.float32)
     tuning = _tuning(samples, level)
     tonal = _tonal_frames(samples, level, tuning, part(report, 0, 50, _STEPS))
-    frames = np.empty((len(tonal["tonnetz"]), SPECTRAL_DIM))  # (T, 87), frame i centred at i * 512 samples
-    for name, rows in tonal.items():
-        frames[:, SPECTRAL_COLUMNS[name]] = rows
-    timbre_report = part(report, 50, _STEPS, _STEPS)
-    for block in frame_blocks(len(frames), _TIMBRE_BLOCK_FRAMES):
-        first = block.start * _HOP - _WINDOW // 2
-        span = _span(samples, level, first, (block.stop - 1) * _HOP + _WINDOW // 2)
-        for name, rows in _timbre_frames(span, tuning).items():
-            frames[block, SPECTRAL_COLUMNS[name]] = rows
-        if timbre_report is not None:
-            timbre_report(block.stop, len(frames))
-    return _interval_means(frames, beats).astype(np.float32)
+    timbre_report, n_frames = part(report, 50, _STEPS, _STEPS), len(tonal["tonnetz"])
+
+    def frame_rows() -> Iterator[NDArray[np.floating]]:
+        """Blocks of frames (T_b, 87). Frame i is centred at i * 512 samples."""
+        for block in frame_blocks(n_frames, _TIMBRE_BLOCK_FRAMES):
+            first = block.start * _HOP - _WINDOW // 2
+            span = _span(samples, level, first, (block.stop - 1) * _HOP + _WINDOW // 2)
+            of_block = {name: rows[block] for name, rows in tonal.items()} | _timbre_frames(span, tuning)
+            frames = np.empty((len(of_block["tonnetz"]), SPECTRAL_DIM))
+            for name, rows in of_block.items():
+                frames[:, SPECTRAL_COLUMNS[name]] = rows
+            yield frames
+            if timbre_report is not None:
+                timbre_report(block.stop, n_frames)
+
+    return _interval_means(frame_rows(), n_frames, beats).astype(np.float32)
 
 
 def _tonal_frames(
@@ -133,13 +138,21 @@ def _tonal_frames(
 ) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     n_frames = 1 + len(samples) // _HOP
-    tones = np.empty((N_BINS, n_frames), np.float32, order="F")  # (252, T)
-    for block in frame_blocks(n_frames, _CQT_BLOCK_FRAMES):
-        tones[:, block] = _tones(samples, level, block, tuning)
+    sums = np.empty((12, n_frames), np.float32, order="F")
+    size = n_frames if n_frames <= _CQT_WHOLE_FRAMES else _CQT_BLOCK_FRAMES
+    loudest, floors = np.float32(0.0), dict[int, np.float32]()
+    # The floor follows from the loudest bin of the song. Blocks before it are transformed again, since the
+    # transform of an hour of song is large.
+    for block in 2 * list(frame_blocks(n_frames, size)):
+        if floors.get(block.start) == _CQT_FLOOR * loudest:
+            continue
+        tones = _tones(samples, level, block, tuning)  # (252, T_b)
+        loudest = max(loudest, tones.max())
+        floors[block.start] = _CQT_FLOOR * loudest
+        tones[tones < floors[block.start]] = 0.0
+        sums[:, block] = chroma_of(tones)
         if report is not None:
             report(block.stop, n_frames)
-    tones[tones < _CQT_FLOOR * tones.max()] = 0.0
-    sums = chroma_of(tones)  # (12, T)
     chroma = normalised(sums, np.inf)
     rows = {"chroma_cqt": chroma, "chroma_cens": energy_normalised(sums), "tonnetz": tonal_centroids(chroma)}
     return {name: row.T for name, row in rows.items()}
@@ -245,10 +258,26 @@ def _tuning(samples: NDArray[np.float32], level: float) -> float:
     return tuning_of(pitches_hz[magnitudes >= np.median(magnitudes)])
 
 
-def _interval_means(frames: NDArray[np.floating], beats: NDArray[np.float64]) -> NDArray[np.floating]:
-    """Mean of the frames (T, D) centred in each interval [beat, next beat), (Q - 1, D)."""
+def _interval_means(
+    blocks: Iterable[NDArray[np.floating]], n_frames: int, beats: NDArray[np.float64]
+) -> NDArray[np.floating]:
+    """Mean of the frames (T, D) centred in each interval [beat, next beat), (Q - 1, D), from blocks of them.
+
+    An empty interval has its first frame.
+    """
     bounds = np.ceil(times_to_frames(beats, SAMPLE_RATE_HZ / _HOP) - 1e-6).astype(np.int64)
-    starts = np.minimum(bounds[:-1], len(frames) - 1)
-    stop = max(min(bounds[-1], len(frames)), starts[-1] + 1)
-    sums = np.add.reduceat(frames[:stop], starts, axis=0)  # reduceat gives an empty interval its first frame
-    return sums / np.maximum(1, np.diff(np.append(starts, stop)))[:, None]
+    starts = np.minimum(bounds[:-1], n_frames - 1)
+    stop = max(min(bounds[-1], n_frames), starts[-1] + 1)
+    ends = np.maximum(np.append(starts[1:], stop), starts + 1)
+    sums, first, done = [], 0, 0  # first frame of `rows`, and number of intervals that are complete
+    rows: NDArray[np.floating] = np.zeros((0, 0))
+    for block in blocks:
+        rows = np.concatenate([rows, block]) if len(rows) else block
+        complete = int(np.searchsorted(ends, first + len(rows), "right"))
+        if complete > done:
+            of_intervals = rows[: ends[complete - 1] - first]
+            sums.append(np.add.reduceat(of_intervals, starts[done:complete] - first, axis=0))
+            done = complete
+        begin = starts[done] if done < len(starts) else stop
+        rows, first = rows[max(0, begin - first) :].copy(), max(first, min(begin, first + len(rows)))
+    return np.concatenate(sums) / np.maximum(1, np.diff(np.append(starts, stop)))[:, None]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import re
 import time
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.core.numerics import frame_blocks
 from choreograph.formats.bvh import BvhOptions, BvhWriter, read_bvh
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -63,6 +66,23 @@ def assert_same_dance(motion, tolerance_m=1e-4):
 def test_every_euler_order(tmp_path, order):
     motion, _ = read_text(tmp_path, bvh_text(tmp_path, order=order))
     assert_same_dance(motion)
+
+
+def test_angles_are_unwrapped_across_blocks_as_at_once(tmp_path, monkeypatch):
+    turning = swaying(400).moved(yaw_rad=3.0)
+    for turn in (0.05, -0.3):
+        quat = turning.local_quat.copy()
+        quat[:, 0] = rot.multiply(rot.about_y(turn * np.arange(400)), quat[:, 0])
+        motion = replace(turning, local_quat=rot.make_continuous(quat))
+        BvhWriter().write(motion, tmp_path / "at once.bvh")
+        with monkeypatch.context() as patched:
+            patched.setattr("choreograph.formats.bvh.frame_blocks", partial(frame_blocks, size=7))
+            BvhWriter().write(motion, tmp_path / "in blocks.bvh")
+        _, values = rows((tmp_path / "in blocks.bvh").read_text())
+        order = [rot.to_euler("ZXY", motion.local_quat[:, joint]) for joint in (0, 1)]
+        unwrapped = np.degrees([np.unwrap(angles, axis=0) for angles in order])
+        np.testing.assert_allclose(values[:, 3:9], np.hstack(list(unwrapped)), atol=1e-5)
+        assert (tmp_path / "in blocks.bvh").read_bytes() == (tmp_path / "at once.bvh").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,15 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
 from choreograph.music import form
 from choreograph.music.beats import cached_librosa
-from choreograph.music.form import Form, Sections, _median, phrase_bounds_s, song_form, song_sections
+from choreograph.music.form import (
+    CountDistances,
+    Form,
+    Sections,
+    _median,
+    phrase_bounds_s,
+    song_form,
+    song_sections,
+)
 from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
 from content.songs.known_forms import HELD_OUT_FORMS
 from research.song_forms import ids_of
@@ -72,6 +80,17 @@ def test_the_last_count_is_compared_if_it_ends_in_the_song():
     assert phrase_bounds_s(counts, 3.0).tolist() == [0.5, 1.0, 1.5, 2.0, 2.5]
     assert phrase_bounds_s(counts, 2.2).tolist() == [0.5, 1.0, 1.5, 2.0]
     assert len(phrase_bounds_s(NO_COUNTS, 3.0)) == 0
+
+
+def test_the_form_is_the_same_if_distances_are_computed_in_blocks(monkeypatch):
+    features, _ = planted("ABACAB")
+    whole, away = form_of("ABACAB"), CountDistances(features).rows(0, len(features))
+    assert np.median(away) == pytest.approx(1.0, abs=1e-9) and np.allclose(away, away.T)
+    monkeypatch.setattr(form, "_WHOLE_ROWS", 0)
+    monkeypatch.setattr(form, "_ROWS_AT_ONCE", 10)
+    in_blocks = CountDistances(features)
+    np.testing.assert_allclose(in_blocks.rows(7, 31, slice(2, 9)), away[7:31, 2:9], atol=1e-6)
+    assert form_of("ABACAB") == whole
 
 
 @pytest.mark.slow

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 import choreograph as cg
+from choreograph.core.numerics import frame_blocks
 from choreograph.evaluation.metrics.energy_response import speed_within_m_s
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jumps_per_minute
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
@@ -56,6 +59,16 @@ def test_a_motion_is_smaller_or_larger_and_its_feet_do_not_slide_more(amplitude,
     assert least < ratio < greatest
     assert foot_slide_cm_s(after, FPS) < max(1.0, 1.05 * amplitude) * foot_slide_cm_s(before, FPS)
     assert jumps_per_minute(after, FPS) <= jumps_per_minute(before, FPS)
+
+
+def test_a_motion_is_scaled_in_blocks_as_at_once(monkeypatch):
+    scale = [1.0, 0.5, 0.7, 1.1, 0.6, 0.9] * 2
+    at_once = with_amplitudes(MOTION, scale)
+    module = sys.modules["choreograph.render.dynamics"]  # `cg.render` is a function
+    monkeypatch.setattr(module, "frame_blocks", partial(frame_blocks, size=100))
+    in_blocks = with_amplitudes(MOTION, scale)
+    assert np.array_equal(in_blocks.local_quat, at_once.local_quat)
+    assert np.array_equal(in_blocks.root_pos_m, at_once.root_pos_m)
 
 
 def test_a_change_of_amplitude_is_smooth():

@@ -15,7 +15,15 @@ from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.music.danced_span import held_times_s
-from choreograph.render.held_poses import _played, hold_ends, played_times_s
+from choreograph.render.held_poses import (
+    _played,
+    copied,
+    hold_ends,
+    hold_ends_in_place,
+    hold_stops,
+    hold_stops_in_place,
+    played_times_s,
+)
 
 FPS = 60.0
 LENGTH_S = 8.0
@@ -49,6 +57,18 @@ def test_the_dance_between_the_held_poses_is_untouched():
     danced = (TIMES_S >= 1.5 - PICK_UP_S) & (TIMES_S <= 6.0 - EASE_OUT_S)
     assert np.array_equal(held.root_pos_m[danced], MOTION.root_pos_m[danced])
     assert np.abs(np.abs((held.local_quat * MOTION.local_quat).sum(-1))[danced] - 1).max() < 1e-12
+
+
+def test_frames_that_were_held_in_place_are_put_back():
+    held = copied(MOTION)
+    replaced = hold_ends_in_place(held, 3.0, 5.0) + hold_stops_in_place(held, [(3.5, 4.5)], 0.35)
+    whole = hold_stops(hold_ends(MOTION, 3.0, 5.0), [(3.5, 4.5)], 0.35)
+    assert np.array_equal(held.local_quat, whole.local_quat)
+    for frames in reversed(replaced):
+        frames.put_back(held)
+    assert np.array_equal(held.root_pos_m, MOTION.root_pos_m)
+    assert np.array_equal(rot.make_continuous(held.local_quat), MOTION.local_quat)
+    assert hold_ends_in_place(held, 0.0, None) == hold_stops_in_place(held, [], 0.35) == []
 
 
 def test_held_poses_breathe_and_shift_their_weight_over_feet_that_stay():
