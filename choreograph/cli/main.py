@@ -86,7 +86,7 @@ def _log_folders() -> list[Path]:
 
 _COMMANDS = {
     "build-db": "build_db", "convert": "characters:convert", "count": "count",
-    "dance": "dance", "evaluate": "evaluate", "inspect": "inspect", "library": "library",
+    "dance": "dance", "evaluate": "evaluate", "get": "get", "inspect": "inspect", "library": "library",
     "live": "live",
     "retarget": "characters:retarget",
     "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio", "study": "study",

@@ -1,7 +1,7 @@
 """AIST++: SMPL poses in `motions/*.pkl`, loaded by an unpickler that runs no code.
 
-The names of the files state genre, performer and music. A single file, and the same arrays as NPZ, are read
-as well.
+The names of the files state genre, performer and music, and so the tempo. A single file, and the same arrays
+as NPZ, are read as well.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, make_counts, numbers_in_bar
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_bytes, read_text
 from choreograph.formats.amass import rotated_world, smpl_motion
@@ -139,6 +140,12 @@ _GENRES = {
     "WA": "waack", "KR": "krump", "JS": "street jazz", "JB": "ballet jazz",
 }  # fmt: skip
 _KEYS = ("smpl_poses", "smpl_trans", "smpl_scaling")
+# The music of a genre has six pieces, numbered by tempo, and a dance begins on count 1 of its piece.
+_BPM = (80.0, 90.0, 100.0, 110.0, 120.0, 130.0)
+_HOUSE_BPM = (110.0, 115.0, 120.0, 125.0, 130.0, 135.0)
+_METRE = 4
+_WHOLE_BAR_COUNTS = 0.25  # dances last whole bars: a length farther from that shows another tempo or begin
+_CONFIDENCE = 0.9  # of counts by the name. The tempo is sure, the begin of each recording was not verified
 
 
 def detect(path: Path) -> bool:
@@ -185,6 +192,9 @@ def _take(song: Path | None, file: Path) -> Take:
     if named is None:
         notes += ("the file name does not state genre, performer and music",)
     parts = named.groupdict() if named else {"genre": "", "performer": "", "song": ""}
+    counts = counts_by_name(parts["song"], motion.n_frames / motion.fps)
+    if parts["song"] and not len(counts):
+        notes += (f"not counted by its name: it does not last whole bars at the tempo of {parts['song']}",)
     return Take(
         name=file.stem,
         motion=motion,
@@ -193,6 +203,27 @@ def _take(song: Path | None, file: Path) -> Take:
         song_name=parts["song"],
         source_paths=(file, song) if song else (file,),
         notes=notes,
+        counts=counts,
+    )
+
+
+def counts_by_name(song: str, duration_s: float) -> Counts:
+    """The counts of a take of `duration_s` to a piece of music such as mBR0, from its first frame.
+
+    None if the piece is not known, or the take does not last a whole number of bars at its tempo.
+    """
+    number = int(song[3:]) if song else len(_BPM)
+    if number >= len(_BPM):
+        return NO_COUNTS
+    bpm = (_HOUSE_BPM if song[1:3] == "HO" else _BPM)[number]
+    n_counts = duration_s * bpm / 60.0
+    bars = round(n_counts / _METRE)
+    if not bars or abs(n_counts - bars * _METRE) > _WHOLE_BAR_COUNTS:
+        return NO_COUNTS
+    times_s = np.arange(bars * _METRE + 1) * 60.0 / bpm  # the end of the last bar is a count as well
+    n_within = int(np.searchsorted(times_s, duration_s, side="right"))
+    return make_counts(
+        times_s[:n_within], numbers_in_bar(n_within, _METRE), _METRE, source=DATA_SET, confidence=_CONFIDENCE
     )
 
 

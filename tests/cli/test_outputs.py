@@ -85,6 +85,7 @@ TABLE = {
     ],
     "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
     "count": [([["MINE"]], ["-o"], (".csv", ".json", ".txt"))],
+    "get": [([["mine", "--table", "MINE"]], ["--build"], (".h5", ".toml"))],
     "library merge": [([["MINE"], ["FOLDER/"], ["other.h5", "MINE"]], ["-o"], (".h5",))],
     "study show": [([["FOLDER/"]], ["--json"], (".json",))],
 }

@@ -13,6 +13,7 @@ from synthetic_motions import swaying
 
 from choreograph.core.counts import ANNOTATED, Figure
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.formats import aist as aist_layout
 from choreograph.formats.npz import read_npz
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.motion import rotations as rot
@@ -196,6 +197,37 @@ def test_aist(tmp_path, protocol):
     assert np.allclose(np.ptp(take.motion.root_pos_m, axis=0), np.ptp(MOTION.root_pos_m, axis=0))
     assert unnamed.credits.genre == ""
     assert unnamed.notes
+
+
+@pytest.mark.parametrize(
+    ("song", "n_counts", "bpm"),
+    [("mBR0", 16, 80), ("mKR5", 16, 130), ("mHO0", 16, 110), ("mHO5", 64, 135), ("mJB3", 64, 110)],
+)
+def test_aist_dances_are_counted_by_their_names(song, n_counts, bpm):
+    counts = aist_layout.counts_by_name(song, n_counts * 60 / bpm)
+    assert (counts.metre, counts.source) == (4, "data set")
+    assert np.allclose(counts.times_s[:n_counts], np.arange(n_counts) * 60 / bpm)
+    assert list(counts.numbers[:5]) == [1, 2, 3, 4, 1]
+    # A frame more or less is of the recording. Two beats more show another tempo.
+    for frames, is_counted in ((-1, True), (1, True), (round(2 * 3600 / bpm), False)):
+        counts = aist_layout.counts_by_name(song, n_counts * 60 / bpm + frames / 60)
+        assert (len(counts) > 0) == is_counted
+        assert not len(counts) or counts.times_s[-1] <= n_counts * 60 / bpm + frames / 60
+
+
+@pytest.mark.parametrize(("song", "duration_s"), [("", 12.0), ("mBR6", 12.0), ("mBR0", 0.1), ("mBR0", 13.5)])
+def test_other_aist_dances_are_not_counted_by_their_names(song, duration_s):
+    assert not len(aist_layout.counts_by_name(song, duration_s))
+
+
+def test_an_aist_take_has_counts_if_it_lasts_whole_bars(tmp_path):
+    still = {"smpl_poses": np.zeros((720, 72)), "smpl_trans": np.zeros((720, 3))}
+    aist(tmp_path, "gBR_sBM_cAll_d04_mBR0_ch01", **still)
+    aist(tmp_path, "gBR_sBM_cAll_d04_mBR3_ch01", **still)
+    counted, uncounted = import_takes(tmp_path)
+    assert np.allclose(counted.counts.times_s[:3], [0.0, 0.75, 1.5])
+    assert not any("counted" in note for note in counted.notes)
+    assert not len(uncounted.counts) and any("mBR3" in note for note in uncounted.notes)
 
 
 def test_aist_pickles_of_older_numpy(tmp_path):

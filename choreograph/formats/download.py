@@ -1,0 +1,251 @@
+"""Downloads the files of a data set with pooch, continues after a break, compares sums and unpacks.
+
+A file is written to NAME.part first. A later call asks the host for the rest of it, if the host still has the
+same file (an entity tag or a date says so). pooch compares the sum and moves the file to its name. What is
+unpacked keeps the last part of its name only, so that nothing is written outside of the folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from fnmatch import fnmatch
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.core.files import atomic_path, locked_folder, writing
+from choreograph.core.progress import ProgressReport
+from choreograph.formats.data_sets import DataSet, SetFile
+
+ARCHIVES = "downloads"  # folder inside that of a data set
+_TRIES = 3  # connections for one call
+_TIMEOUT_S = 60.0  # without any byte
+_BLOCK_BYTES = 1 << 18  # what a break loses
+_MAX_FILES = 100_000  # of an archive
+_MAX_NAME = 200  # characters
+_FORBIDDEN = set('<>:"|?*\\')  # in names, on some systems
+
+
+def fetch(
+    data_set: DataSet, folder: Path, report: ProgressReport | None = None
+) -> tuple[int, tuple[str, ...]]:
+    """Download and unpack what is missing of a data set.
+
+    Parameters
+    ----------
+    folder : folder of the data set, created if missing
+    report : called with the megabytes of each file
+
+    Returns
+    -------
+    int, tuple of str   the number of unpacked files, and notes on files without a published sum
+
+    Raises
+    ------
+    ParameterError   pooch is not installed
+    ChoreographError   a host that does not answer, an address without the file, a full disk, or another
+        process that works in the folder
+    FormatError   a wrong sum, or an archive that is damaged or larger than stated
+    """
+    notes, n_files = [], 0
+    with locked_folder(folder / ARCHIVES, doing=f"downloads {data_set.title}"):
+        for file in data_set.files:
+            archive = _downloaded(file, folder / ARCHIVES, data_set.page, report)
+            if not file.sum:
+                notes.append(f"{file.name}: its owners publish no sum. {_recorded(archive)}")
+            n_files += unpack(archive, folder / file.into, file)
+    return n_files, tuple(notes)
+
+
+def _downloaded(file: SetFile, folder: Path, page: str, report: ProgressReport | None) -> Path:
+    """The file in the folder, downloaded unless it is there with the right sum."""
+    try:
+        import pooch
+        import requests
+    except ImportError as error:
+        raise ParameterError(
+            f"{file.url}: expected the package pooch to download, it is not installed: pip install "
+            "'choreograph[get]'"
+        ) from error
+    pooch.get_logger().setLevel("ERROR")
+    receiver = _Receiver(file, folder / f"{file.name}.part", report)
+    expected = file.sum or _known_sum(folder / file.name)
+    by_hand = f"download it in a browser ({page}) and put it into {folder}, or try again later"
+    try:
+        found = pooch.retrieve(file.url, expected, file.name, folder, downloader=receiver)
+    except requests.HTTPError as error:
+        answer = (
+            "an error" if error.response is None else f"{error.response.status_code} {error.response.reason}"
+        )
+        raise ChoreographError(f"{file.url}: expected the file, got {answer}: {by_hand}") from None
+    except requests.RequestException as error:
+        reason = type(error).__name__
+        raise ChoreographError(
+            f"{file.url}: expected the file, the connection failed ({reason}): the same command goes on, or "
+            f"{by_hand}"
+        ) from None
+    except OSError as error:
+        raise ChoreographError(f"cannot write {folder / file.name}: {error.strerror or error}") from None
+    except ChoreographError:
+        raise
+    except ValueError:
+        raise FormatError(
+            f"{file.url}: expected the sum {expected}, got another: the host has changed the file, or it was "
+            "damaged on the way"
+        ) from None
+    return Path(found)
+
+
+def _known_sum(archive: Path) -> str | None:
+    """The sum that an earlier download recorded beside a file, or None."""
+    record = archive.with_name(f"{archive.name}.sha256")
+    return f"sha256:{record.read_text(encoding='ascii').split()[0]}" if record.is_file() else None
+
+
+def _recorded(archive: Path) -> str:
+    """Record the sum of a file beside it, as sha256sum does. What was recorded, as a sentence."""
+    record = archive.with_name(f"{archive.name}.sha256")
+    if not record.is_file():
+        with archive.open("rb") as content:
+            digits = hashlib.file_digest(content, "sha256").hexdigest()
+        with atomic_path(record) as temporary:
+            temporary.write_text(f"{digits}  {archive.name}\n", encoding="ascii")
+    return f"Its sum is in {record}"
+
+
+class _Receiver:
+    """The downloader that pooch calls. It continues a part, and tries again after a break."""
+
+    def __init__(self, file: SetFile, part: Path, report: ProgressReport | None) -> None:
+        self.file, self.part, self.report = file, part, report
+        self.tag = part.with_name(f"{part.name}.tag")
+
+    def __call__(self, url: str, output_file: str, pooch: Any = None) -> None:
+        """Receive the file and move it to `output_file`."""
+        import requests
+
+        for left in reversed(range(_TRIES)):
+            try:
+                self._receive(url)
+                break
+            except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError):
+                if not left:
+                    raise
+        shutil.move(self.part, output_file)
+        self.tag.unlink(missing_ok=True)
+
+    def _receive(self, url: str) -> None:
+        """Write what the host sends to the part, after what is there of the same file."""
+        import requests
+
+        had = self.part.stat().st_size if self.part.is_file() else 0
+        tag = self.tag.read_text(encoding="latin-1") if self.tag.is_file() else ""
+        headers = {"Accept-Encoding": "identity"}
+        if had and tag:
+            headers |= {"Range": f"bytes={had}-", "If-Range": tag}
+        with requests.get(url, headers=headers, stream=True, timeout=_TIMEOUT_S) as answer:
+            if answer.status_code == requests.codes.requested_range_not_satisfiable:
+                self.part.unlink()
+                raise requests.ConnectionError("the part is longer than the file")
+            answer.raise_for_status()
+            span = answer.headers.get("Content-Range", "")
+            is_rest = answer.status_code == requests.codes.partial_content
+            if is_rest and not span.startswith(f"bytes {had}-"):
+                self.part.unlink()
+                raise requests.ConnectionError(f"another part than asked for: {span[:40]}")
+            start = had if is_rest else 0
+            total = start + int(answer.headers.get("Content-Length", 0))
+            self._check_size(total)
+            _write_tag(self.tag, answer.headers)
+            with self.part.open("ab" if is_rest else "wb") as out:
+                done = start
+                for block in answer.iter_content(_BLOCK_BYTES):
+                    done += len(block)
+                    self._check_size(done)
+                    out.write(block)
+                    if self.report is not None:
+                        self.report(f"downloading {self.file.name} (MB)", done >> 20, total >> 20)
+            if done < total:
+                raise requests.ConnectionError("the connection ended early")
+
+    def _check_size(self, n_bytes: int) -> None:
+        if n_bytes > self.file.max_bytes:
+            self.part.unlink(missing_ok=True)
+            raise FormatError(
+                f"{self.file.url}: expected at most {self.file.max_bytes} bytes, got more: it is another file"
+            )
+
+
+def _write_tag(path: Path, headers: Any) -> None:
+    """Keep what tells this version of the file from others, if the host states it."""
+    tag = headers.get("ETag", "")
+    if not tag or tag.startswith("W/"):  # a weak tag does not promise the same bytes
+        tag = headers.get("Last-Modified", "")
+    path.write_text(tag, encoding="latin-1")
+
+
+def unpack(archive: Path, folder: Path, file: SetFile) -> int:
+    """Write the kept files of a ZIP file to a folder, under the last part of their names.
+
+    Files that are there with their size are left as they are. Returns the number of kept files. Raises
+    `FormatError` for another file, a damaged or locked one, two files of one name, or more than is allowed.
+    """
+    try:
+        with zipfile.ZipFile(archive) as content:
+            kept = _kept(archive, content, file)
+            with writing(folder):
+                folder.mkdir(parents=True, exist_ok=True)
+            for name, info in kept.items():
+                target = folder / name
+                if not target.is_file() or target.stat().st_size != info.file_size:
+                    with atomic_path(target) as temporary, content.open(info) as source:
+                        _copy(source.read, temporary, info.file_size, f"{archive}: {name}")
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+        raise FormatError(f"{archive}: expected a ZIP file, got a damaged or locked one: {error}") from None
+    return len(kept)
+
+
+def _kept(archive: Path, content: zipfile.ZipFile, file: SetFile) -> dict[str, zipfile.ZipInfo]:
+    """The entries to unpack by the name that they get."""
+    kept: dict[str, zipfile.ZipInfo] = {}
+    seen: set[str] = set()
+    for info, name in _named(content):
+        if not any(fnmatch(name, pattern) for pattern in file.keep):
+            continue
+        if len(name) > _MAX_NAME or not name.isprintable() or set(name) & _FORBIDDEN:
+            raise FormatError(f"{archive}: expected usual names of files, got {name[:80]!r}")
+        if name.casefold() in seen:  # some systems do not tell small letters from capitals
+            raise FormatError(f"{archive}: expected one file of each name, got two named {name}")
+        seen.add(name.casefold())
+        kept[name] = info
+    if not kept:
+        raise FormatError(f"{archive}: expected {' or '.join(file.keep)} in it, got none: another version?")
+    size = sum(info.file_size for info in kept.values())
+    if size > file.max_unpacked_bytes or len(kept) > _MAX_FILES:
+        raise FormatError(
+            f"{archive}: expected at most {file.max_unpacked_bytes} bytes, got {size} in {len(kept)} files"
+        )
+    return kept
+
+
+def _named(content: zipfile.ZipFile) -> Iterator[tuple[zipfile.ZipInfo, str]]:
+    """The files of an archive, and the last parts of their names. Hidden ones are left out."""
+    for info in content.infolist():
+        name = PurePosixPath(info.filename.replace("\\", "/")).name
+        if not info.is_dir() and name and not name.startswith("."):
+            yield info, name
+
+
+def _copy(read: Callable[[int], bytes], target: Path, n_bytes: int, what: str) -> None:
+    """Copy as many bytes as stated. Raises `FormatError` if there are more."""
+    done = 0
+    with target.open("wb") as out:
+        while block := read(_BLOCK_BYTES):
+            done += len(block)
+            if done > n_bytes:
+                raise FormatError(f"{what}: expected {n_bytes} bytes, got more")
+            out.write(block)

@@ -1,0 +1,216 @@
+"""Data sets from a local server: resumed, compared with their sums, unpacked inside of their folder only."""
+
+from __future__ import annotations
+
+import io
+import stat
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from file_server import hosted
+
+from choreograph.core.errors import ChoreographError, FormatError
+from choreograph.formats import download
+from choreograph.formats.data_sets import DataSet, SetFile
+from choreograph.formats.download import fetch, unpack
+
+NOISE = np.random.default_rng(0).bytes(300_000)
+
+
+def zipped(entries, method=zipfile.ZIP_STORED) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", method) as out:
+        for name, data in entries:
+            out.writestr(name, data)
+    return content.getvalue()
+
+
+CONTENT = zipped([("set/a.bvh", NOISE), ("set/deep/b.bvh", b"b"), ("set/readme.txt", b"x"), ("._a.bvh", b"")])
+
+
+def set_of(host, **changes) -> DataSet:
+    file = SetFile(host.url, 1_000_000, ("*.bvh",), "takes", 1_000_000, host.sum)
+    file = replace(file, **changes)
+    return DataSet("mine", "Mine", "", "", (), "https://example.org", "takes", "takes/*", (file,))
+
+
+@pytest.fixture
+def host(monkeypatch):
+    monkeypatch.setattr(download, "_BLOCK_BYTES", 10_000)  # a break loses less than one
+    with hosted(CONTENT) as host:
+        yield host
+
+
+def test_what_is_kept_is_unpacked_and_a_second_call_downloads_nothing(tmp_path, host):
+    assert fetch(set_of(host), tmp_path) == (2, ())
+    takes = tmp_path / "takes"
+    assert sorted(path.name for path in takes.iterdir()) == ["a.bvh", "b.bvh"]
+    assert (takes / "a.bvh").read_bytes() == NOISE
+    (takes / "b.bvh").unlink()
+    assert fetch(set_of(host), tmp_path) == (2, ())
+    assert (takes / "b.bvh").read_bytes() == b"b"
+    assert host.asked == [None]
+    assert sorted(path.name for path in (tmp_path / "downloads").iterdir()) == ["set.zip"]
+
+
+def test_a_cut_connection_is_continued_in_the_same_call(tmp_path, host):
+    host.cut_after = [100_000, 50_000]
+    assert fetch(set_of(host), tmp_path)[0] == 2
+    assert host.asked == [None, "bytes=100000-", "bytes=150000-"]
+    assert (tmp_path / "takes" / "a.bvh").read_bytes() == NOISE
+
+
+def test_a_later_call_continues_what_was_stopped(tmp_path, host):
+    host.cut_after = [100_000, 0, 0]
+    with pytest.raises(ChoreographError, match="the same command goes on"):
+        fetch(set_of(host), tmp_path)
+    assert (tmp_path / "downloads" / "set.zip.part").stat().st_size == 100_000
+    host.asked.clear()
+    assert fetch(set_of(host), tmp_path)[0] == 2
+    assert host.asked == ["bytes=100000-"]
+
+
+@pytest.mark.parametrize("change", ["another file", "no parts", "no tag", "a weak tag"])
+def test_a_part_that_cannot_be_continued_is_downloaded_again(tmp_path, host, change):
+    host.cut_after = [100_000, 0, 0]
+    host.tag = {"no tag": None, "a weak tag": 'W/"one"'}.get(change, host.tag)
+    with pytest.raises(ChoreographError):
+        fetch(set_of(host), tmp_path)
+    if change == "another file":
+        host.content, host.tag = zipped([("c.bvh", NOISE[::-1])]), '"two"'
+    host.ranges = change != "no parts"
+    fetch(set_of(host), tmp_path)
+    name, data = ("c.bvh", NOISE[::-1]) if change == "another file" else ("a.bvh", NOISE)
+    assert (tmp_path / "takes" / name).read_bytes() == data
+
+
+def test_a_part_that_is_longer_than_the_file_is_removed(tmp_path, host):
+    (tmp_path / "downloads").mkdir()
+    (tmp_path / "downloads" / "set.zip.part").write_bytes(CONTENT + b"more")
+    (tmp_path / "downloads" / "set.zip.part.tag").write_text(host.tag)
+    assert fetch(set_of(host), tmp_path)[0] == 2
+    assert host.asked == [f"bytes={len(CONTENT) + 4}-", None]
+
+
+def test_a_wrong_sum_leaves_nothing_to_unpack(tmp_path, host):
+    with pytest.raises(FormatError, match=r"expected the sum sha256:0+, got another"):
+        fetch(set_of(host, sum=f"sha256:{'0' * 64}"), tmp_path)
+    assert not (tmp_path / "takes").exists()
+    assert not list((tmp_path / "downloads").glob("set*"))
+
+
+def test_a_damaged_file_of_an_earlier_call_is_downloaded_again(tmp_path, host):
+    (tmp_path / "downloads").mkdir()
+    (tmp_path / "downloads" / "set.zip").write_bytes(b"damaged")
+    assert fetch(set_of(host), tmp_path)[0] == 2
+
+
+def test_without_a_published_sum_the_first_one_is_kept(tmp_path, host):
+    mine = set_of(host, sum="")
+    assert "publish no sum" in fetch(mine, tmp_path)[1][0]
+    record = tmp_path / "downloads" / "set.zip.sha256"
+    assert record.read_text() == f"{host.sum.removeprefix('sha256:')}  set.zip\n"
+    (tmp_path / "downloads" / "set.zip").write_bytes(b"damaged")
+    fetch(mine, tmp_path)
+    host.content = zipped([("a.bvh", b"other")])
+    (tmp_path / "downloads" / "set.zip").unlink()
+    with pytest.raises(FormatError, match="got another: the host has changed"):
+        fetch(mine, tmp_path)
+
+
+def test_a_file_that_is_gone_says_how_to_get_it_by_hand(tmp_path, host):
+    host.status = 404
+    with pytest.raises(ChoreographError, match="got 404 Not Found: download it in a browser") as raised:
+        fetch(set_of(host), tmp_path)
+    assert "https://example.org" in str(raised.value) and str(tmp_path / "downloads") in str(raised.value)
+    (tmp_path / "downloads").mkdir(exist_ok=True)
+    (tmp_path / "downloads" / "set.zip").write_bytes(CONTENT)  # by hand
+    assert fetch(set_of(host), tmp_path)[0] == 2
+
+
+def test_a_machine_that_does_not_answer_is_one_line(tmp_path):
+    with hosted(CONTENT) as host:
+        mine = set_of(host)
+    with pytest.raises(ChoreographError, match="connection failed") as raised:
+        fetch(mine, tmp_path)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_longer_file_than_stated_is_not_downloaded(tmp_path, host):
+    with pytest.raises(FormatError, match="at most 1000 bytes"):
+        fetch(set_of(host, max_bytes=1000), tmp_path)
+    assert not list((tmp_path / "downloads").glob("set.zip*"))
+
+
+# Unpacking.
+
+
+def unpacked(tmp_path, content, **changes) -> int:
+    archive = tmp_path / "set.zip"
+    archive.write_bytes(content)
+    file = SetFile("http://x/set.zip", 1, ("*.bvh",), "takes", 1_000_000)
+    return unpack(archive, tmp_path / "takes", replace(file, **changes))
+
+
+@pytest.mark.parametrize(
+    "name", ["../../evil.bvh", "/tmp/evil.bvh", "..\\..\\evil.bvh", "C:\\evil.bvh", "a/../../b/evil.bvh"]
+)
+def test_nothing_is_written_outside_of_the_folder(tmp_path, name):
+    (tmp_path / "in").mkdir()
+    assert unpacked(tmp_path / "in", zipped([(name, b"1")])) == 1
+    files = [path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(files) == ["in/set.zip", "in/takes/evil.bvh"]
+
+
+def test_a_link_is_unpacked_as_a_file(tmp_path):
+    link = zipfile.ZipInfo("link.bvh")
+    link.external_attr = (stat.S_IFLNK | 0o777) << 16
+    assert unpacked(tmp_path, zipped([(link, b"/etc/passwd")])) == 1
+    assert not (tmp_path / "takes" / "link.bvh").is_symlink()
+    assert (tmp_path / "takes" / "link.bvh").read_bytes() == b"/etc/passwd"
+
+
+@pytest.mark.parametrize(
+    ("entries", "changes", "says"),
+    [
+        ([("a.bvh", b"1"), ("b/A.bvh", b"2")], {}, "two named A.bvh"),
+        ([("a\n.bvh", b"1")], {}, "usual names"),
+        ([("a:b.bvh", b"1")], {}, "usual names"),
+        ([("a" * 300 + ".bvh", b"1")], {}, "usual names"),
+        ([("a.txt", b"1")], {}, r"expected \*\.bvh in it, got none"),
+        ([("a.bvh", bytes(2_000_000))], {}, "at most 1000000 bytes, got 2000000"),
+    ],
+)
+def test_archives_that_are_refused_write_nothing(tmp_path, entries, changes, says):
+    with pytest.raises(FormatError, match=says):
+        unpacked(tmp_path, zipped(entries, zipfile.ZIP_DEFLATED), **changes)
+    assert not (tmp_path / "takes").exists()
+
+
+def test_too_many_files_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(download, "_MAX_FILES", 2)
+    with pytest.raises(FormatError, match="3 files"):
+        unpacked(tmp_path, zipped([(f"{i}.bvh", b"1") for i in range(3)]))
+
+
+def test_a_stated_size_that_is_too_small_is_no_way_to_write_more(tmp_path):
+    content = zipped([("a.bvh", bytes(500_000))], zipfile.ZIP_DEFLATED)
+    size = (500_000).to_bytes(4, "little")
+    with pytest.raises(FormatError):
+        unpacked(tmp_path, content.replace(size, (10).to_bytes(4, "little")))
+    assert not list((tmp_path / "takes").iterdir())
+
+
+@pytest.mark.parametrize("damage", ["text", "cut", "flipped", "locked"])
+def test_damaged_archives_are_one_line(tmp_path, damage):
+    content = {
+        "text": b"no archive", "cut": CONTENT[:-30], "flipped": CONTENT.replace(NOISE[:50], NOISE[50:100]),
+        "locked": CONTENT.replace(b"PK\x01\x02\x14\x03\x14\0\0\0", b"PK\x01\x02\x14\x03\x14\0\x01\0"),
+    }[damage]  # fmt: skip
+    assert content != CONTENT
+    with pytest.raises(FormatError, match="expected a ZIP file") as raised:
+        unpacked(tmp_path, content)
+    assert "\n" not in str(raised.value)
+    assert not list(tmp_path.glob("takes/*"))
