@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import zipfile
+from dataclasses import replace
+from functools import partial
 
 import pytest
 from click.testing import CliRunner
@@ -11,8 +13,10 @@ from command_line import assert_one_line, run
 from file_server import hosted
 from synthetic_motions import stepping
 
+import choreograph as cg
 from choreograph.cli.main import main
 from choreograph.formats.register import save_motion
+from choreograph.nets import configs
 
 
 @pytest.fixture
@@ -79,8 +83,13 @@ def test_what_was_downloaded_can_be_built_from(tmp_path, host):
     assert "2 rows: 2 read" in checked.output
 
 
-@pytest.mark.slow
 def test_a_repertoire_is_built_if_asked_for(tmp_path, host, monkeypatch):
+    fewer = {"preset": "tiny", "pretrained": "nothing", "words": False, "workers": 1}
+    monkeypatch.setattr(cg, "build", partial(cg.build, **fewer))  # the networks of the default take minutes
+    tiny = configs._DENSITY_PRESETS["tiny"], configs._STYLE_PRESETS["tiny"]
+    for presets, preset in zip((configs._DENSITY_PRESETS, configs._STYLE_PRESETS), tiny, strict=True):
+        few = {name: 10 for name in ("steps", "music_steps") if hasattr(preset, name)}
+        monkeypatch.setitem(presets, "tiny", replace(preset, **few))
     built = run("get", "mine", "--table", "sets.toml", "--agree", "--build", "rep.h5")
     assert built.exit_code == 0, built.output
     assert "rep.h5: 2 takes" in built.output
