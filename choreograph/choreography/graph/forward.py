@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,12 @@ from numpy.typing import NDArray
 from choreograph.choreography.graph.cost import (
     Cost,
     WeightedCost,
-    distance_from_product,
     edge_costs,
     flat_poses,
     rms_speed_m_s,
-    turned_cost,
 )
 from choreograph.choreography.graph.costs import (
     BUILTIN_COSTS,
-    OVERLAP_FRAMES,
-    STILL_M_S,
-    TURNED_TAKE,
     Completeness,
     Front,
     Phrasing,
@@ -32,6 +27,7 @@ from choreograph.choreography.graph.costs import (
     Variety,
     Velocity,
 )
+from choreograph.choreography.graph.edge_kernels import F32, angles_of, cheapest_edges, cheapest_predecessors
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
@@ -40,12 +36,9 @@ from choreograph.choreography.graph.motif_costs import (
     first_motif,
     last_motif,
 )
-from choreograph.choreography.graph.path_kernels import PER_USAGE, arrays_of, bounds_of, form_of, words_of
+from choreograph.choreography.graph.path_kernels import arrays_of, bounds_of
 from choreograph.choreography.graph.returns import FormCost, Stage
-from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyInts, Floats, frame_blocks
-from choreograph.core.timebase import CLIP_FRAMES
-from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.song_features import SongFeatures
 
 N_THREADS = min(4, os.cpu_count() or 1)
@@ -54,8 +47,6 @@ _MIN_EDGES_FOR_THREADS = 100_000  # a millisecond's work
 _PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
 _PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of edges of this size
 _ROUNDING = 1e-4
-
-F32 = NDArray[np.float32]
 
 
 class Steps:
@@ -183,26 +174,6 @@ class _Edges:
         return rows, edges[rows, np.arange(len(part))]
 
 
-@njit(
-    "void(float32[::1], float32[:,::1], float32[::1], int32[::1])",
-    nogil=True,
-)
-def cheapest_predecessors(
-    reached: NDArray[np.float32],
-    edges: NDArray[np.float32],
-    least: NDArray[np.float32],
-    rows: NDArray[np.int32],
-) -> None:  # pragma: no cover - compiled
-    """Write the least reached[i] + edges[i, j] of each column j to `least` (N,), and i to `rows` (N,)."""
-    n_a, n_b = edges.shape
-    for i in range(n_a):
-        for j in range(n_b):
-            cost = reached[i] + edges[i, j]
-            if cost < least[j]:
-                least[j] = cost
-                rows[j] = i
-
-
 # The same edges, compiled for the built-in costs.
 
 _ORDER: tuple[type[Cost], ...] = (
@@ -210,7 +181,6 @@ _ORDER: tuple[type[Cost], ...] = (
     MotifTransition,
 )  # in the order of their sum  # fmt: skip
 _OF_SIGNATURE = _ORDER.index(Signature)
-_STILL = np.float32(STILL_M_S)
 
 
 class _Nodes:
@@ -273,7 +243,7 @@ class _CompiledEdges(_Edges):
         seen = np.zeros_like(counts) if following.new_goal else counts
         weights = after.weights
         repeats, self._least = bounds_of(weights, weights[_OF_SIGNATURE], seen, after.motifs, after.step_cost)
-        angles = _angles(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
+        angles = angles_of(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
         danced = np.ascontiguousarray(layer.danced[:, after.number])
         self._stay = np.ones(following.n_nodes, np.float32)
         here, there = self.successors
@@ -294,7 +264,7 @@ class _CompiledEdges(_Edges):
             "md,md->m", self._before.last_velocity[here], self._after.first_velocity[there]
         )
         nothing, most = np.zeros(len(here), np.float32), np.full(len(here), np.inf, np.float32)
-        _, edges = _cheapest_edges(
+        _, edges = cheapest_edges(
             here, there, True, nothing, most, poses[:, None], velocities[:, None], *self._arguments
         )
         return edges
@@ -310,100 +280,8 @@ class _CompiledEdges(_Edges):
         there = slice(None) if every else part
         poses = self._before.last[block] @ self._after.first[there].T
         velocities = self._before.last_velocity[block] @ self._after.first_velocity[there].T
-        rows, edges = _cheapest_edges(
+        rows, edges = cheapest_edges(
             block, part, False, beyond, (most + _ROUNDING).astype(np.float32), poses, velocities,
             *self._arguments,
         )  # fmt: skip
         return rows, edges
-
-
-@njit(
-    "Tuple((float64[::1], float64[::1], float64[::1], float64[::1], float32[::1], float32[::1]))("
-    "float64[::1], float32[::1], float32[::1])"
-)
-def _angles(turn_rad: Any, end_rad: Any, start_rad: Any) -> tuple[Any, ...]:  # pragma: no cover - compiled
-    """Cosines and sines as in `turned_costs`."""
-    n_a, n_b = len(turn_rad), len(start_rad)
-    turn_cos, turn_sin, end_cos, end_sin = np.empty(n_a), np.empty(n_a), np.empty(n_a), np.empty(n_a)
-    start_cos, start_sin = np.empty(n_b, np.float32), np.empty(n_b, np.float32)
-    for i in range(n_a):
-        end = turn_rad[i] + end_rad[i]
-        turn_cos[i], turn_sin[i] = np.cos(turn_rad[i]), np.sin(turn_rad[i])
-        end_cos[i], end_sin[i] = np.cos(end), np.sin(end)
-    for j in range(n_b):
-        start_cos[j], start_sin[j] = np.cos(start_rad[j]), np.sin(start_rad[j])
-    return turn_cos, turn_sin, end_cos, end_sin, start_cos, start_sin
-
-
-_AT_BORDER = "float32[::1], float32[::1], float32[::1], float64[::1], float32[::1], int64[::1]"
-
-
-@njit(
-    "Tuple((int32[::1], float32[::1]))(int64[::1], int64[::1], bool_, float32[::1], float32[::1], "
-    "float32[:,::1], float32[:,::1], float32[::1], Tuple((float64[::1], float64[::1], float64[::1], "
-    f"float64[::1], int64[::1], float32[:,::1], float64[:,::1], int16[:,::1], {_AT_BORDER}, int64[::1])), "
-    "Tuple((float32[::1], float32[::1], int64[::1], int64[::1], float64[:,::1], float64[:,::1], "
-    f"int16[:,::1], int64[:,::1], float64[::1], float32[::1], {_AT_BORDER})), "
-    "Tuple((bool_[::1], float32[::1], float32[:,::1], float32[:,::1], float64[::1])))",
-    nogil=True,
-)
-def _cheapest_edges(
-    block: AnyInts, part: AnyInts, paired: bool, beyond: F32, most: F32, poses: F32, velocities: F32,
-    weights: F32, before: Any, nodes: Any, of_costs: Any,
-) -> tuple[NDArray[np.int32], F32]:  # fmt: skip  # pragma: no cover - compiled
-    """As `_Edges.cheapest`, or, if `paired`, the edges from each node of `block` to that of `part` beside it.
-
-    `poses` and `velocities` (B, C), or (B, 1), are products of those of both nodes. The terms are added as by
-    `edge_costs`. If the sum of the first ones and a lower bound of the others is too large, the others are
-    not evaluated.
-    """
-    (
-        cos_turn, sin_turn, cos_end, sin_end, next_part, usage_s, danced, seen, last_sq, last_velocity_sq,
-        last_speed, end, leave, last_words, last_take,
-    ) = before  # fmt: skip
-    (
-        cos_start, sin_start, starts_part, take, series, places, motifs, repeats, bound, stay, first_sq,
-        first_velocity_sq, first_speed, start, enter, first_words,
-    ) = nodes  # fmt: skip
-    is_return, form_weight, step_cost, transition_cost, constants = of_costs
-    scale, half, steer = np.float32(1.0 / len(BODY_JOINTS)), np.float32(0.5), (constants[2], constants[3])
-    has_usage = weights[5] != 0.0 and usage_s.shape[1] > 0
-    rows, edges = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
-    for r in range(len(block)):
-        i = block[r]
-        turn, end_turn = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
-        for c in range(r if paired else 0, r + 1 if paired else len(part)):
-            j, k = part[c], 0 if paired else c
-            continues = next_part[i] == starts_part[j]
-            total = weights[0] * (stay[j] if continues else np.float32(1.0))
-            if weights[1] != 0.0:
-                total += weights[1] * distance_from_product(poses[r, k], last_sq[i], first_sq[j], scale)
-            if weights[2] != 0.0:
-                change = distance_from_product(
-                    velocities[r, k], last_velocity_sq[i], first_velocity_sq[j], scale
-                )
-                total += weights[2] * (change / (half * (last_speed[i] + first_speed[j]) + _STILL))
-            if weights[3] != 0.0 and not continues:
-                total += weights[3] * (half * (leave[i] + enter[j]))
-            if np.float64(beyond[r] + total) + bound[j] > most[c]:
-                continue
-            if weights[4] != 0.0:
-                front = turned_cost(
-                    continues, turn, end_turn, (cos_start[j], sin_start[j]), steer,
-                    (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
-                )  # fmt: skip
-                total += weights[4] * np.float32(front)
-            if has_usage:
-                total += weights[5] * (usage_s[i, take[j]] * PER_USAGE)
-            if last_take[i] == take[j] and OVERLAP_FRAMES < end[i] - start[j] < CLIP_FRAMES:
-                total += weights[6]
-            if weights[7] != 0.0:
-                total += weights[7] * form_of(i, j, danced, places, is_return, form_weight)
-            if weights[8] != 0.0:
-                total += weights[8] * words_of(i, j, seen, motifs, repeats, step_cost)
-            if weights[9] != 0.0:
-                total += weights[9] * transition_cost[last_words[i], first_words[j]]
-            if beyond[r] + total < most[c]:
-                most[c] = beyond[r] + total
-                rows[c], edges[c] = r, total
-    return rows, edges

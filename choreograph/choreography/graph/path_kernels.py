@@ -129,6 +129,20 @@ def extended(
                 cost += np.float64(total[j])
                 if cost < best[j] or (cost == best[j] and i < parent[j]):  # the first of those that have it
                     best[j], parent[j] = cost, i
+    return best, parent, *_histories(
+        parent, turn_rad, usage_s, danced, counts, end_rad, next_part, take, start_rad, part, places, motifs,
+        number, constants[1], n_own, new_goal,
+    )  # fmt: skip
+
+
+@njit()
+def _histories(
+    parent: Any, turn_rad: Any, usage_s: Any, danced: Any, counts: Any, end_rad: Any, next_part: Any,
+    take: Any, start_rad: Any, part: Any, places: Any, motifs: Any, number: Any, steer_rad: Any, n_own: Any,
+    new_goal: Any,
+) -> tuple[Any, ...]:  # fmt: skip  # pragma: no cover - compiled
+    """What was danced when each node has been reached from its parent: turns, takes, moments and motifs."""
+    n_b = len(parent)
     turns_rad, usages_s = np.empty(n_b), np.empty((n_b, usage_s.shape[1]), np.float32)
     dances, sums = np.empty((n_b, danced.shape[1])), np.empty((n_b, counts.shape[1]), np.int16)
     for j in range(n_b):
@@ -142,7 +156,7 @@ def extended(
             sums[j, k] = 0 if new_goal else counts[i, k]
         if next_part[i] != part[j]:
             joined = (turn_rad[i] + end_rad[i] - start_rad[j] + np.pi) % (2 * np.pi) - np.pi
-            turns_rad[j] = joined - min(max(joined, -constants[1]), constants[1])
+            turns_rad[j] = joined - min(max(joined, -steer_rad), steer_rad)
         if usage_s.shape[1]:
             usages_s[j, take[j]] += np.float32(1.0)
         for m in range(n_own):
@@ -150,7 +164,7 @@ def extended(
         for w in range(motifs.shape[1]):
             if motifs[j, w] >= 0 and counts.shape[1]:
                 sums[j, motifs[j, w]] += 1
-    return best, parent, turns_rad, usages_s, dances, sums
+    return turns_rad, usages_s, dances, sums
 
 
 @njit()

@@ -1,0 +1,135 @@
+"""Compiled edges from the nodes of one second to those of the next, by the built-in costs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.choreography.graph.cost import distance_from_product, turned_cost
+from choreograph.choreography.graph.costs import OVERLAP_FRAMES, STILL_M_S, TURNED_TAKE
+from choreograph.choreography.graph.path_kernels import PER_USAGE, form_of, words_of
+from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import AnyInts
+from choreograph.core.timebase import CLIP_FRAMES
+from choreograph.motion.body import BODY_JOINTS
+
+F32 = NDArray[np.float32]
+_STILL = np.float32(STILL_M_S)
+
+
+@njit(
+    "void(float32[::1], float32[:,::1], float32[::1], int32[::1])",
+    nogil=True,
+)
+def cheapest_predecessors(
+    reached: NDArray[np.float32],
+    edges: NDArray[np.float32],
+    least: NDArray[np.float32],
+    rows: NDArray[np.int32],
+) -> None:  # pragma: no cover - compiled
+    """Write the least reached[i] + edges[i, j] of each column j to `least` (N,), and i to `rows` (N,)."""
+    n_a, n_b = edges.shape
+    for i in range(n_a):
+        for j in range(n_b):
+            cost = reached[i] + edges[i, j]
+            if cost < least[j]:
+                least[j] = cost
+                rows[j] = i
+
+
+@njit(
+    "Tuple((float64[::1], float64[::1], float64[::1], float64[::1], float32[::1], float32[::1]))("
+    "float64[::1], float32[::1], float32[::1])"
+)
+def angles_of(turn_rad: Any, end_rad: Any, start_rad: Any) -> tuple[Any, ...]:  # pragma: no cover - compiled
+    """Cosines and sines as in `turned_costs`."""
+    n_a, n_b = len(turn_rad), len(start_rad)
+    turn_cos, turn_sin, end_cos, end_sin = np.empty(n_a), np.empty(n_a), np.empty(n_a), np.empty(n_a)
+    start_cos, start_sin = np.empty(n_b, np.float32), np.empty(n_b, np.float32)
+    for i in range(n_a):
+        end = turn_rad[i] + end_rad[i]
+        turn_cos[i], turn_sin[i] = np.cos(turn_rad[i]), np.sin(turn_rad[i])
+        end_cos[i], end_sin[i] = np.cos(end), np.sin(end)
+    for j in range(n_b):
+        start_cos[j], start_sin[j] = np.cos(start_rad[j]), np.sin(start_rad[j])
+    return turn_cos, turn_sin, end_cos, end_sin, start_cos, start_sin
+
+
+_AT_BORDER = "float32[::1], float32[::1], float32[::1], float64[::1], float32[::1], int64[::1]"
+
+
+@njit(
+    "Tuple((int32[::1], float32[::1]))(int64[::1], int64[::1], bool_, float32[::1], float32[::1], "
+    "float32[:,::1], float32[:,::1], float32[::1], Tuple((float64[::1], float64[::1], float64[::1], "
+    f"float64[::1], int64[::1], float32[:,::1], float64[:,::1], int16[:,::1], {_AT_BORDER}, int64[::1])), "
+    "Tuple((float32[::1], float32[::1], int64[::1], int64[::1], float64[:,::1], float64[:,::1], "
+    f"int16[:,::1], int64[:,::1], float64[::1], float32[::1], {_AT_BORDER})), "
+    "Tuple((bool_[::1], float32[::1], float32[:,::1], float32[:,::1], float64[::1])))",
+    nogil=True,
+)
+def cheapest_edges(
+    block: AnyInts, part: AnyInts, paired: bool, beyond: F32, most: F32, poses: F32, velocities: F32,
+    weights: F32, before: Any, nodes: Any, of_costs: Any,
+) -> tuple[NDArray[np.int32], F32]:  # fmt: skip  # pragma: no cover - compiled
+    """The node of `block` (B,) from which each node of `part` (C,) is reached at the least cost.
+
+    Returns its index in `block`, and the cost of the edge.
+
+    If `paired`, the edges from each node of `block` to the node of `part` beside it.
+
+    `poses` and `velocities` (B, C), or (B, 1), are products of those of both nodes. The terms are added as by
+    `edge_costs`. If the sum of the first ones and a lower bound of the others is too large, the others are
+    not evaluated.
+    """
+    (
+        cos_turn, sin_turn, cos_end, sin_end, next_part, usage_s, danced, seen, last_sq, last_velocity_sq,
+        last_speed, end, leave, last_words, last_take,
+    ) = before  # fmt: skip
+    (
+        cos_start, sin_start, starts_part, take, series, places, motifs, repeats, bound, stay, first_sq,
+        first_velocity_sq, first_speed, start, enter, first_words,
+    ) = nodes  # fmt: skip
+    is_return, form_weight, step_cost, transition_cost, constants = of_costs
+    scale, half, steer = np.float32(1.0 / len(BODY_JOINTS)), np.float32(0.5), (constants[2], constants[3])
+    has_usage = weights[5] != 0.0 and usage_s.shape[1] > 0
+    rows, edges = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
+    for r in range(len(block)):
+        i = block[r]
+        turn, end_turn = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
+        for c in range(r if paired else 0, r + 1 if paired else len(part)):
+            j, k = part[c], 0 if paired else c
+            continues = next_part[i] == starts_part[j]
+            total = weights[0] * (stay[j] if continues else np.float32(1.0))
+            if weights[1] != 0.0:
+                total += weights[1] * distance_from_product(poses[r, k], last_sq[i], first_sq[j], scale)
+            if weights[2] != 0.0:
+                change = distance_from_product(
+                    velocities[r, k], last_velocity_sq[i], first_velocity_sq[j], scale
+                )
+                total += weights[2] * (change / (half * (last_speed[i] + first_speed[j]) + _STILL))
+            if weights[3] != 0.0 and not continues:
+                total += weights[3] * (half * (leave[i] + enter[j]))
+            if np.float64(beyond[r] + total) + bound[j] > most[c]:
+                continue
+            if weights[4] != 0.0:
+                front = turned_cost(
+                    continues, turn, end_turn, (cos_start[j], sin_start[j]), steer,
+                    (series[j, 0], series[j, 1], series[j, 2], series[j, 3]), constants[0], TURNED_TAKE,
+                )  # fmt: skip
+                total += weights[4] * np.float32(front)
+            if has_usage:
+                total += weights[5] * (usage_s[i, take[j]] * PER_USAGE)
+            if last_take[i] == take[j] and OVERLAP_FRAMES < end[i] - start[j] < CLIP_FRAMES:
+                total += weights[6]
+            if weights[7] != 0.0:
+                total += weights[7] * form_of(i, j, danced, places, is_return, form_weight)
+            if weights[8] != 0.0:
+                total += weights[8] * words_of(i, j, seen, motifs, repeats, step_cost)
+            if weights[9] != 0.0:
+                total += weights[9] * transition_cost[last_words[i], first_words[j]]
+            if beyond[r] + total < most[c]:
+                most[c] = beyond[r] + total
+                rows[c], edges[c] = r, total
+    return rows, edges
