@@ -55,7 +55,7 @@ def _built_starter(
     # Feet of rendered takes never slide, so no foot lock is needed.
     options = BuildOptions(
         preset=preset, seed=seed, resume=True, lock_feet=False, pretrained="clean",
-        keep_networks=preset == "small", compress=True, rollout=True,
+        keep_networks=preset == "small", train_words=True, compress=True, rollout=True,
         rollout_teacher=False,  # built-in takes are on the count already
     )  # fmt: skip
     made, notes = build_repertoire(

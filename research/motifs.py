@@ -1,9 +1,10 @@
 """Do motion words find similar words in other takes, and do motifs separate genres? On held-out takes.
 
-    python research/motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder]
+    python research/motifs.py path/to/dance-with-melody --seeds 0 1 [--strips folder] [--pretrained]
     python research/motifs.py path/to/rendered/starter/takes --every 4
 
-The word network and the motifs are made from the other takes. Distances are mean joint distances in cm after
+The word network and the motifs are made from the other takes, with `--pretrained` beginning with the network
+of the built-in takes, which is also judged as it is. Distances are mean joint distances in cm after
 alignment: each word is in its root frame, and time-warped by up to 3 of 13 frames. `positions` is the nearest
 neighbour by positions frame by frame, and `best` the one by the measured distance. An altered copy is warped,
 on other beats, at another frame rate, or of another size. Beats are those of the music, by the default
@@ -27,6 +28,7 @@ from choreograph.choreography.motif_sequences import NEEDS, draw_motifs
 from choreograph.core.numerics import chi_square_distance
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.formats.register import import_takes
+from choreograph.library.builtin import starter_repertoire
 from choreograph.library.motifs import Motifs, find_motifs, make_vocabulary
 from choreograph.library.words import (
     Words,
@@ -208,6 +210,9 @@ def main() -> None:
     parser.add_argument("--preset", default="small")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     parser.add_argument("--strips", type=Path, help="folder for strips of motifs, made if missing")
+    parser.add_argument(
+        "--pretrained", action="store_true", help="begin with the words of the built-in takes"
+    )
     options = parser.parse_args()
     torch.set_num_threads(1)
     everything = [danced(take) for take in import_takes(options.data)]
@@ -221,10 +226,17 @@ def main() -> None:
     own, words = (np.concatenate([d.words.body_pos_m for d in part]) for part in (known, unknown))
     truth_m = warped_distance_m(words, own)
     print(f"{len(known)} takes of {len(own)} words, {len(unknown)} held out of {len(words)}")
+    shipped = starter_repertoire().net("words") if options.pretrained else None
+    if shipped is not None:
+        print("the words of the built-in takes as they are")
+        show_neighbours(WordNet.from_arrays(shipped.weights, shipped.config), known, unknown, truth_m)
     for seed in options.seeds:
-        begun = time.monotonic()
-        net = train_word_net([d.for_training() for d in known], word_config(options.preset), seed=seed)
-        print(f"{options.preset}, seed {seed}: trained in {time.monotonic() - begun:.0f} s")
+        begun = time.process_time()
+        config = word_config(options.preset, n_words=len(own), pretrained=shipped is not None)
+        weights = None if shipped is None else shipped.weights
+        net = train_word_net([d.for_training() for d in known], config, seed=seed, pretrained=weights)
+        spent_s = time.process_time() - begun
+        print(f"{options.preset}, seed {seed}: {config.steps} steps in {spent_s:.0f} CPU s")
         show_neighbours(net, known, unknown, truth_m)
         motifs, of_known = find_motifs(net.embed(own), seed=seed)
         medoids = own[motifs.words]

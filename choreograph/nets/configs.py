@@ -251,6 +251,7 @@ def density_config(preset: str, **changes: Any) -> DensityConfig:
 WORD_DIM = 184  # of embeddings
 _MANY_WORDS = 1000  # from which on all steps of a preset are trained: 100 passes of the preset small
 _FEWEST_STEPS = 300  # unless the preset has fewer
+_STEPS_FROM_PRETRAINED = 150  # as good as 800 from nothing (`research/results/rhythm_is_a_dancer.md`)
 
 
 @dataclass(frozen=True)
@@ -288,14 +289,21 @@ _WORD_PRESETS = {
 }
 
 
-def word_config(preset: str, *, n_words: int | None = None, **changes: Any) -> WordConfig:
+def word_config(
+    preset: str, *, n_words: int | None = None, pretrained: bool = False, **changes: Any
+) -> WordConfig:
     """The preset with fields changed. Raises `ParameterError` for an unknown name or field.
 
-    A training on fewer than 1,000 words (`n_words`) has proportionally fewer steps, but at least 300. More
-    passes over few words hardly change how near the words are that the network finds in other takes.
+    A training that starts from a trained network (`pretrained`) has at most 150 steps. A training on fewer
+    than 1,000 words (`n_words`) has proportionally fewer steps, but at least 300. More passes over few words
+    hardly change how near the words are that the network finds in other takes.
     """
     config = config_from_preset(_WORD_PRESETS, preset, changes)
-    if n_words is None or "steps" in changes:
+    if "steps" in changes:
+        return config
+    if pretrained:
+        return replace(config, steps=min(config.steps, _STEPS_FROM_PRETRAINED))
+    if n_words is None:
         return config
     fewer = max(_FEWEST_STEPS, round(config.steps * n_words / _MANY_WORDS))
     return replace(config, steps=min(config.steps, fewer))

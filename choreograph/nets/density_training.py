@@ -31,7 +31,8 @@ from choreograph.nets.density import MotionDecoder, MotionDensity, MusicDensity,
 from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.processes import own_rows
 from choreograph.nets.style import centred, rotated_about_y
-from choreograph.nets.style_training import StyleTake, augment_mel
+from choreograph.nets.style_augmentation import MelChange, augment_mel
+from choreograph.nets.style_training import StyleTake
 from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, steps_of_epochs, train
 
 # Training data: clips with known warps, and music with its target density.
@@ -174,7 +175,9 @@ class MusicDensityData:
             target = self._net.clip_densities(clips)[:, middle : middle + SEGMENT_FRAMES]
         else:
             target = np.stack([self._targets[take][at : at + SEGMENT_FRAMES] for take, at in rows])
-        return torch.from_numpy(augment_mel(mel, rng) if augmented else mel), torch.from_numpy(target)
+        if augmented:
+            mel = augment_mel(mel, MelChange.drawn(size, rng))
+        return torch.from_numpy(mel), torch.from_numpy(target)
 
 
 def target_density(

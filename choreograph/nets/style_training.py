@@ -15,91 +15,14 @@ from torch.nn import functional
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
-from choreograph.motion.body import mirrored
-from choreograph.music.mel import N_BANDS
-from choreograph.music.rhythm import LOUDNESS, METRE, ONSETS, PATTERN, RHYTHM_FPS, TEMPO
+from choreograph.music.mel import MEL_BANDS
+from choreograph.music.rhythm import RHYTHM_FPS
 from choreograph.nets.configs import StyleConfig
 from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.processes import gathered, own_rows
-from choreograph.nets.style import StyleNets, centred, rotated_about_y
+from choreograph.nets.style import StyleNets, centred
+from choreograph.nets.style_augmentation import MelChange, augment_body, augment_mel, augment_rhythm
 from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, steps_of_epochs, train
-
-# Augmentation of the training samples: other recordings of a song, and other bodies for a dance.
-
-
-_NEPER_PER_DB = np.log(10.0) / 10.0  # natural logarithm of power in one decibel
-_P_HIDDEN = 0.15  # probability that tempo and metre, or the patterns, are set to zero
-
-
-def augment_mel(log_mel: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Segments (B, 240, 96) in another key, room and mix. Onset times do not change.
-
-    Each gets a gain of ±10 dB, a smooth filter of ±8 dB, a pitch shift of up to 6 bands and a noise floor.
-    Half of them are mixed with another segment of the batch at -6 to -20 dB. One span of time or bands is
-    masked.
-    """
-    size, frames, bands = log_mel.shape
-    out = np.empty_like(log_mel)
-    floor = log_mel.min()
-    knots = np.linspace(0, bands - 1, 6)
-    for row in range(size):
-        segment = log_mel[row]
-        if rng.random() < 0.5:
-            level = _NEPER_PER_DB * rng.uniform(6, 20)
-            segment = np.logaddexp(segment, log_mel[rng.integers(size)] - level)
-        source = np.clip(np.arange(bands) - rng.integers(-6, 7), 0, bands - 1)
-        curve = np.interp(np.arange(bands), knots, _NEPER_PER_DB * rng.uniform(-8, 8, len(knots)))
-        segment = segment[:, source] + curve + _NEPER_PER_DB * rng.uniform(-10, 10)
-        noise = segment.max() - _NEPER_PER_DB * rng.uniform(30, 90)
-        segment = np.maximum(segment, noise)
-        if rng.random() < 0.5:
-            start = rng.integers(bands)
-            segment[:, start : start + rng.integers(1, 17)] = max(floor, noise)
-        else:
-            start = rng.integers(frames)
-            segment[start : start + rng.integers(1, 41)] = max(floor, noise)
-        out[row] = segment
-    return out
-
-
-def augment_rhythm(rhythm: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Rhythm (B, RHYTHM_DIM) up to 7 % faster or slower, with other instruments, sometimes partly zero.
-
-    Tempo and metre, or the patterns, are sometimes set to zero, as in music without beats.
-    """
-    out = np.array(rhythm, np.float32)
-    size = len(out)
-    out[:, TEMPO] = _shifted(out[:, TEMPO], rng.uniform(-1.2, 1.2, size))
-    bands = out[:, PATTERN].reshape(size, N_BANDS, -1)
-    blend = np.eye(N_BANDS) + rng.uniform(0.0, 0.4, (size, N_BANDS, N_BANDS))
-    bands = np.einsum("bij,bjd->bid", blend / blend.sum(axis=2, keepdims=True), bands)
-    bands = bands * np.exp(rng.normal(0.0, 0.15, bands.shape))
-    out[:, PATTERN] = bands.reshape(size, -1)
-    out[:, LOUDNESS] += rng.normal(0.0, 0.5, size)
-    out[:, ONSETS] *= np.exp(rng.normal(0.0, 0.05, size))
-    hidden = rng.random(size)
-    out[hidden < _P_HIDDEN, TEMPO.start : METRE.stop] = 0.0
-    out[hidden > 1.0 - _P_HIDDEN, PATTERN] = 0.0
-    return out
-
-
-def _shifted(rows: NDArray[np.float32], by: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Rows (B, N) moved by fractional columns (B,). The ends are repeated."""
-    position = np.clip(np.arange(rows.shape[1]) + by[:, None], 0, rows.shape[1] - 1.001)
-    low = position.astype(np.int64)
-    weight = position - low
-    return np.take_along_axis(rows, low, 1) * (1 - weight) + np.take_along_axis(rows, low + 1, 1) * weight
-
-
-def augment_body(
-    body_pos_m: NDArray[np.float32], rng: np.random.Generator, *, mirrored_share: float
-) -> NDArray[np.float32]:
-    """Segments (B, 80, 21, 3) centred, some mirrored, rotated by up to 30° and scaled by up to 10 %."""
-    flip = rng.random(len(body_pos_m)) < mirrored_share
-    body = np.where(flip[:, None, None, None], mirrored(body_pos_m), body_pos_m)
-    body = rotated_about_y(centred(body), rng.uniform(-np.pi / 6, np.pi / 6, len(body)))
-    return (body * rng.uniform(0.9, 1.1, (len(body), 1, 1, 1))).astype(np.float32)
-
 
 # Training data of the style networks: takes and songs as arrays, and balanced batches of them.
 
@@ -155,7 +78,7 @@ class StyleTake(StyleSong):
 class StyleBatch:
     """B segments of music with the motion danced to them, then S segments of songs without motion."""
 
-    mel: Tensor  # (B + S, 240, 96)
+    mel: Tensor  # (B + S, 240, 96), or (B + S, 0, 96) where the networks have no use for it
     rhythm: Tensor  # (B + S, RHYTHM_DIM)
     body: Tensor  # (B, 80, 21, 3)
     n_beats: Tensor  # (B,)
@@ -212,21 +135,34 @@ class StyleData:
         }
 
     def batch(
-        self, size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5, augmented: bool = True
+        self,
+        size: int,
+        rng: np.random.Generator,
+        *,
+        mirrored_share: float = 0.5,
+        augmented: bool = True,
+        with_mel: bool = True,
     ) -> StyleBatch:
-        """Random segments of `size` pairs, and as many of songs if there are any, augmented or not."""
+        """Random segments of `size` pairs, and as many of songs if there are any, augmented or not.
+
+        The same segments and changes are drawn without mel.
+        """
         pairs = rng.choice(len(self.takes), size, p=self._of_take)
         alone = rng.choice(len(self.songs), size, p=self._of_song) if self.songs else np.zeros(0, np.int64)
         examples = [self.takes[i] for i in pairs] + [self.songs[i] for i in alone]
         index = np.concatenate([pairs, len(self.takes) + alone])
         starts = [int(rng.integers(song.n_starts)) for song in examples]
         takes = [self.takes[i] for i in pairs]
-        mel = np.stack([song.mel_at(start) for song, start in zip(examples, starts, strict=True)])
+        mel = np.zeros((len(examples), 0, MEL_BANDS), np.float32)
+        if with_mel:
+            mel = np.stack([song.mel_at(start) for song, start in zip(examples, starts, strict=True)])
         rhythm = np.stack([song.rhythm_at(start) for song, start in zip(examples, starts, strict=True)])
         body = np.stack([take.body_at(start) for take, start in zip(takes, starts, strict=False)])
         n_beats = [take.beat_counts(np.array([start]))[0] for take, start in zip(takes, starts, strict=False)]
         if augmented:
-            mel, rhythm = augment_mel(mel, rng), augment_rhythm(rhythm, rng)
+            changes = MelChange.drawn(len(examples), rng)
+            mel = augment_mel(mel, changes) if with_mel else mel
+            rhythm = augment_rhythm(rhythm, rng)
             body = augment_body(body, rng, mirrored_share=mirrored_share)
         else:
             body = centred(body)
@@ -337,7 +273,11 @@ def train_style(
 
     def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
         batch = data.batch(
-            config.batch_size, rng, mirrored_share=config.mirrored_share, augmented=config.augmented
+            config.batch_size,
+            rng,
+            mirrored_share=config.mirrored_share,
+            augmented=config.augmented,
+            with_mel="mel" in nets.music.inputs,
         )
         return pair_loss(nets, batch.to(device))
 

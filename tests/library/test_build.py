@@ -16,9 +16,10 @@ from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.formats.register import save_motion
 from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
+from choreograph.library.building.networks import PretrainedWeights
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, segment_takes
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import pretrained_set, starter_repertoire
 from choreograph.library.notes import Note
 from choreograph.motion.body import body_pos_m
 from content.moves.genres import GENRES
@@ -212,6 +213,26 @@ def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
     )
     assert set(afresh.provenance["trained_on"]) == {"even", "quick", "slow"}
     assert not np.allclose(kept.clip_style, afresh.clip_style, atol=1e-2)
+
+
+def test_words_are_those_of_the_built_in_takes_unless_trained(silent_takes, tmp_path):
+    options = BuildOptions(preset="small", pretrained="clean", keep_networks=True)
+    shipped = starter_repertoire().net("words").weights
+    kept, _ = build_repertoire([silent_takes], tmp_path / "kept.h5", options)
+    assert all(np.array_equal(weight, shipped[name]) for name, weight in kept.net("words").weights.items())
+    assert kept.has_vocabulary and not (tmp_path / "kept.h5.build" / "words.pt").exists()
+    settings = {"preset": "small", "pretrained": "clean"}
+    ways = {
+        "begun": BuildOptions(**settings),
+        "trained": BuildOptions(**settings, train_words=True),
+        "nothing": BuildOptions(**(settings | {"pretrained": "nothing"})),
+        "tiny": BuildOptions(**(settings | {"preset": "tiny"})),
+    }
+    begins = {
+        name: PretrainedWeights.of(way, pretrained_set(way.pretrained)).weights("words") is not None
+        for name, way in ways.items()
+    }
+    assert begins == {"begun": True, "trained": False, "nothing": False, "tiny": False}
 
 
 def test_takes_without_music_have_the_style_of_the_shipped_networks(silent_takes, tmp_path):

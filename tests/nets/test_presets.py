@@ -29,3 +29,5 @@ def test_few_words_are_trained_in_fewer_steps():
     assert steps == [300, 400, 800, 800]
     assert word_config("tiny", n_words=20).steps == word_config("tiny").steps
     assert word_config("small", n_words=20, steps=7).steps == 7
+    begun = {word_config("small", n_words=n_words, pretrained=True).steps for n_words in (20, 10**6)}
+    assert begun == {150} and word_config("tiny", pretrained=True).steps == word_config("tiny").steps

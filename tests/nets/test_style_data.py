@@ -9,7 +9,8 @@ from choreograph.motion.body import mirrored
 from choreograph.music.rhythm import METRE, PATTERN, RHYTHM_DIM, TEMPO
 from choreograph.nets.configs import style_config
 from choreograph.nets.style import centred
-from choreograph.nets.style_training import StyleData, augment_mel, augment_rhythm, count_beats
+from choreograph.nets.style_augmentation import MelChange, augment_mel, augment_rhythm
+from choreograph.nets.style_training import StyleData, count_beats
 
 RNG = np.random.default_rng(0)
 
@@ -17,12 +18,21 @@ RNG = np.random.default_rng(0)
 def test_augmentation_changes_copies_only():
     mel, rhythm = RNG.normal(size=(4, 240, 96)).astype("f"), RNG.random((4, RHYTHM_DIM)).astype("f")
     before = mel.copy(), rhythm.copy()
-    for augmented, original in ((augment_mel(mel, RNG), mel), (augment_rhythm(rhythm, RNG), rhythm)):
+    changes = MelChange.drawn(len(mel), RNG)
+    for augmented, original in ((augment_mel(mel, changes), mel), (augment_rhythm(rhythm, RNG), rhythm)):
         assert augmented.shape == original.shape
         assert np.isfinite(augmented).all()
         assert not np.allclose(augmented, original)
     np.testing.assert_array_equal(before[0], mel)
     np.testing.assert_array_equal(before[1], rhythm)
+
+
+def test_without_mel_the_same_is_drawn():
+    data = StyleData([genre_take("a", 0), genre_take("b", 1)], [genre_song("c", 2)])
+    with_mel, without = (data.batch(8, np.random.default_rng(3), with_mel=mel) for mel in (True, False))
+    assert with_mel.mel.shape == (16, 240, 96) and without.mel.shape == (16, 0, 96)
+    for field in ("rhythm", "body", "n_beats", "song", "genre"):
+        np.testing.assert_array_equal(getattr(with_mel, field), getattr(without, field))
 
 
 def test_tempo_moves_a_little_and_is_hidden_now_and_then():

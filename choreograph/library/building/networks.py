@@ -19,7 +19,7 @@ from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_fra
 from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, SegmentedTake, path_within
-from choreograph.library.builtin import PretrainedNet, shipped_checksums
+from choreograph.library.builtin import NOTHING, PretrainedNet, shipped_checksums, starter_repertoire
 from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
@@ -89,6 +89,7 @@ def training_content(
         "lock_feet": str(options.lock_feet),
         "precision": options.precision,
         "pretrained": _digest([options.pretrained, *shipped_checksums(options.pretrained)]),
+        "train_words": str(options.train_words),
         "keep_networks": str(options.keep_networks),
         "init_from": _digest([sha256_of(path) for path in files_of(init_from)]) if init_from else "",
     }
@@ -124,12 +125,13 @@ def _digest(values: Sequence[Any]) -> str:
 
 
 STYLE_NET = "style"  # trained on pairs of music and motion
+WORDS_NET = "words"  # trained on motion words
 DENSITY_NETS = ("motion_density", "music_density")  # likewise, if clips have the learned tempo-density
 
 
 @dataclass(frozen=True)
 class PretrainedWeights:
-    """Networks that training starts from, or that are kept, of another repertoire or the shipped style.
+    """Networks that training starts from, or that are kept, of another repertoire or the shipped ones.
 
     Motifs are kept with the networks of another repertoire.
     """
@@ -142,7 +144,9 @@ class PretrainedWeights:
 
     @classmethod
     def of(cls, options: BuildOptions, shipped: Mapping[str, PretrainedNet]) -> PretrainedWeights:
-        """The networks chosen by the options. The shipped style networks have the preset "small".
+        """The networks chosen by the options. The shipped ones have the preset "small".
+
+        The shipped network of motion words is that of the built-in repertoire.
 
         Raises `RepertoireError` if a repertoire cannot be read, `ParameterError` if there is nothing to keep.
         """
@@ -155,10 +159,13 @@ class PretrainedWeights:
             if options.keep_networks and other.has_vocabulary:
                 motifs = KeptMotifs.of(other, compress=options.compress)
             trained_on |= set(other.provenance.get("trained_on", ()))
-        begins = options.preset == "small" and STYLE_NET in shipped and STYLE_NET not in nets
+        with_shipped = options.preset == "small" and options.pretrained != NOTHING
+        begins = with_shipped and STYLE_NET in shipped and STYLE_NET not in nets
         if begins:
             nets[STYLE_NET] = shipped[STYLE_NET].arrays
             trained_on |= set(shipped[STYLE_NET].trained_on)
+        if with_shipped and options.words and WORDS_NET not in nets and not options.train_words:
+            nets[WORDS_NET] = starter_repertoire().net(WORDS_NET)
         if options.keep_networks and options.init_from is None and not begins:
             raise ParameterError(
                 "expected networks to keep, of another repertoire (--init-from) or of a shipped set "
@@ -287,17 +294,18 @@ def train_word_network(
     options: BuildOptions,
     context: TrainingContext,
 ) -> NetArrays | None:
-    """The network that embeds motion words, or None if there are too few words and no pretrained network."""
+    """The network that embeds motion words, or None if there are too few words and none is kept."""
     from choreograph.nets.configs import word_config
     from choreograph.nets.words import train_word_net
 
     n_words = sum(len(take.words) for take in takes)
-    if "words" in pretrained.kept or n_words < FEWEST_WORDS:
-        return pretrained.nets.get("words")
+    if WORDS_NET in pretrained.kept or n_words < FEWEST_WORDS:
+        return pretrained.kept.get(WORDS_NET)
+    weights = pretrained.weights(WORDS_NET)
     net = train_word_net(
         [take.to_word_take() for take in takes],
-        word_config(options.preset, n_words=n_words, **_changes(options)),
-        seed=options.seed, context=context, pretrained=pretrained.weights("words"),
+        word_config(options.preset, n_words=n_words, pretrained=weights is not None, **_changes(options)),
+        seed=options.seed, context=context, pretrained=weights,
     )  # fmt: skip
     return _stored(net)
 

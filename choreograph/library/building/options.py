@@ -85,8 +85,13 @@ class BuildOptions:
 
     pretrained: Pretrained = "default"
     """Shipped networks that count takes by their motion and that, with the preset "small", the training of
-    style starts from. "clean" was trained on our own takes only. "research" was also trained on data that
-    states no licence. "default" takes style from "clean" and counts from "research"."""
+    style and motion words starts from. "clean" was trained on our own takes only. "research" was also trained
+    on data that states no licence. "default" takes style from "clean" and counts from "research". Words are
+    those of the built-in takes."""
+
+    train_words: bool = False
+    """Whether the network of motion words is trained from nothing, and not started from the shipped one or
+    kept as it is. This takes five times as many steps."""
 
     keep_networks: bool = False
     """Whether the networks that training would start from are used as they are, and the motifs of
@@ -179,6 +184,7 @@ class BuildSettings(ReadingSettings, total=False):
     resume: bool
     init_from: str | Path | None
     pretrained: Pretrained
+    train_words: bool
     keep_networks: bool
     compress: bool
     rollout: bool
