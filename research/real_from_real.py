@@ -3,10 +3,10 @@
     python -m research.real_from_real DANCE_WITH_MELODY CHOREONET STREET [--seeds 3] [--built FOLDER]
 
 This says which AUC built-in takes could reach. Windows, network, training and the test on every second take
-are the same. Five tables: each source of takes told from the other real ones, and in pairs; a genre of two
-sources; a genre told from the others of its source; takes told from themselves after a step of our own
-import; and takes told from others of their source at random. The seeds are of the network, and of the
-halves.
+are the same. Five tables: each source of takes told from the other real ones, and in pairs; the same with
+all takes on one skeleton (without G1 Moves, which are of a robot); a genre of two sources, and a genre told
+from the others of its source; takes told from themselves after a step of our own import; and takes told from
+others of their source at random. The seeds are of the network, and of the halves.
 
 With --built, two repertoires are built in FOLDER, of the takes of dance-with-melody that are trained on and
 of those that are tested on. Dances of each to the songs of its takes are told from these takes.
@@ -32,7 +32,7 @@ from choreograph.motion.cleaning import without_jumps
 from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
-from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 from research.movement_ranges import OF_A_ROBOT, street_body
 from research.real_or_built_in import Windows, auc, built_in_takes, windows_of
 
@@ -43,7 +43,7 @@ BUILT_IN = "built-in"
 LOW_FPS = 12.5
 MILD_S = 0.05
 FEWEST = 2  # takes to train on, and to test on
-DANCE_S = 40.0
+DANCE_S, SONGS = 30.0, 8  # of each half
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,27 +84,37 @@ STEPS: dict[str, Callable[[Motion], Motion]] = {
 }
 
 
-def recorded(dances: Path, lists: Path) -> list[Recorded]:
-    """The takes of dance-with-melody and ChoreoNet."""
+def recorded(dances: Path, lists: Path, street: Path) -> list[Recorded]:
+    """The takes of dance-with-melody and ChoreoNet, and those of CMU, of no genre."""
     of_source = {
         SOURCES[0]: choreonet.annotate(list(import_takes(dances)), lists),
         SOURCES[1]: import_takes(lists),
     }
-    return [
+    found = [
         Recorded(take.name, take.credits.genre or "none", source, take.motion)
         for source, takes in of_source.items()
         for take in takes
     ]
+    paths = [path for path in sorted(street.glob("*.npz")) if not path.name.startswith(OF_A_ROBOT)]
+    return found + [Recorded(path.stem, "none", SOURCES[2], cg.load_motion(path)) for path in paths]
 
 
-def street_takes(street: Path) -> list[Body]:
-    """The takes of CMU and G1 Moves, of no genre."""
+def of_a_robot(street: Path) -> list[Body]:
+    """The takes of G1 Moves, of no genre."""
     found = []
-    for path in sorted(street.glob("*.npz")):
-        source = SOURCES[3] if path.name.startswith(OF_A_ROBOT) else SOURCES[2]
+    for path in sorted(street.glob(f"{OF_A_ROBOT}*.npz")):
         body, fps = street_body(path)
-        found.append((path.stem, "none", source, body_pos_at(body, fps, NET_FPS)))
+        found.append((path.stem, "none", SOURCES[3], body_pos_at(body, fps, NET_FPS)))
     return found
+
+
+def on_skeleton(takes: Iterable[Recorded], repertoire: cg.Repertoire, target: Skeleton) -> list[Body]:
+    """Real takes and those of a repertoire, all retargeted to one skeleton."""
+    made = [
+        Recorded(take.name, take.credits.genre, BUILT_IN, repertoire.motion(index)[0])
+        for index, take in enumerate(repertoire.takes)
+    ]
+    return [take.body(retarget(take.motion.resampled(NET_FPS), target)) for take in (*takes, *made)]
 
 
 def can_be_told(*sides: Windows) -> bool:
@@ -161,15 +171,13 @@ def of_halves(bodies: Sequence[Body], seeds: int) -> tuple[float, float]:
     return float(np.mean(found)), float(np.std(found))
 
 
-def dances_of(
-    repertoire: cg.Repertoire, songs: Iterable[tuple[str, str, Path]], engine: str, seed: int
-) -> list[Body]:
-    """Dances of the repertoire to songs, given by name, genre and path."""
+def dances_of(repertoire: cg.Repertoire, songs: Iterable[tuple[str, str, Path]]) -> list[Body]:
+    """Dances of the graph engine to songs, given by name, genre and path."""
     found = []
     for name, genre, path in songs:
         song = cg.load_song(path, duration_s=DANCE_S)
-        dance = cg.dance(song, repertoire, engine=engine, genre=genre, seed=seed)
-        found.append((name, genre, engine, body_pos_m(dance.motion.resampled(NET_FPS))))
+        dance = cg.dance(song, repertoire, genre=genre, seed=0)
+        found.append((name, genre, "dance", body_pos_m(dance.motion.resampled(NET_FPS))))
     return found
 
 
@@ -185,9 +193,7 @@ def joined(*parts: Windows) -> Windows:
     return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def of_dances(
-    data: Path, takes: Sequence[Recorded], work: Path, engine: str, seeds: int
-) -> tuple[float, float]:
+def of_dances(data: Path, takes: Sequence[Recorded], work: Path, seeds: int) -> tuple[float, float]:
     """Takes told from dances that are made of them: dances of takes to test are made of these alone."""
     sides: tuple[list[Windows], list[Windows]] = ([], [])
     for half in (0, 1):
@@ -200,8 +206,10 @@ def of_dances(
                 link.symlink_to((data / take.name).resolve(), target_is_directory=True)
         if not target.exists():
             cg.build([folder], target, seed=0)
-        songs = [(take.name, take.genre, data / take.name / "audio.mp3") for take in own]
-        danced = dances_of(cg.Repertoire.open(target), songs, engine, seed=0)
+        songs = [
+            (take.name, take.genre, data / take.name / "audio.mp3") for take in own[:: -(-len(own) // SONGS)]
+        ]
+        danced = dances_of(cg.Repertoire.open(target), songs)
         sides[0].append(in_part([take.body() for take in own], half == 1))
         sides[1].append(in_part(danced, half == 1))
     return measured(joined(*sides[0]), joined(*sides[1]), seeds)
@@ -221,11 +229,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     given = parser.parse_args()
     repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
-    takes = recorded(given.dances, given.lists)
+    takes = recorded(given.dances, given.lists, given.street)
     made = built_in_takes(repertoire)
-    bodies = [*(take.body() for take in takes), *street_takes(given.street), *made]
+    bodies = [*(take.body() for take in takes), *of_a_robot(given.street), *made]
     for row in of_sources(bodies, given.seeds):
         show(*row)
+    for row in of_sources(on_skeleton(takes, repertoire, canonical_skeleton()), given.seeds):
+        show(f"on one skeleton: {row[0]}", *row[1:])
     genres = sorted({take.genre for take in takes} - {"none"})
     for row in of_genres(bodies, genres, given.seeds):
         show(*row)
@@ -234,9 +244,9 @@ def main() -> None:
         show(*row)
     for source in (*SOURCES, BUILT_IN):
         show(f"{source} at random", *of_halves([b for b in bodies if b[2] == source], 2 * given.seeds))
-    for engine in ("graph", "mixer") if given.built else ():
-        row = of_dances(given.dances, ours, given.built, engine, given.seeds)
-        show(f"dances of {SOURCES[0]} by {engine} or the takes", *row)
+    if given.built:
+        row = of_dances(given.dances, ours, given.built, given.seeds)
+        show(f"dances of {SOURCES[0]} or its takes", *row)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from synthetic_motions import swaying
 import choreograph as cg
 from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.returns import Stage
+from choreograph.choreography.mixer.engine import _stage_costs as stage_costs
 from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_words
 from choreograph.core.arguments import as_stage_m
 from choreograph.evaluation.metrics import front
@@ -80,6 +82,21 @@ def test_words_are_chosen_that_stay_on_the_stage():
             assert on_stage.tolist() == [0, 4]
 
 
+def test_the_mixer_draws_words_that_move_little_for_a_small_stage():
+    walk_m = np.zeros((3, 2, 2))
+    walk_m[1:, -1] = [0.3, 0.4], [0.0, 1.0]
+    pool = SimpleNamespace(
+        ways=lambda words: (np.zeros((3, 3)), walk_m[words]),
+        vocabulary=SimpleNamespace(word_take=np.zeros(3, int)),
+        constraints=SimpleNamespace(n_words=2),
+    )
+    costs = stage_costs(pool, (3.0, 1.6))
+    assert costs.shape == (2, 3) and costs[0, 0] == 0.0
+    np.testing.assert_allclose(costs[:, 1], 1.0)  # half a metre, as far as the front of this stage
+    np.testing.assert_allclose(costs[:, 2], 4.0)
+    assert (stage_costs(pool, (8.0, 8.0))[:, 1:] < 0.1).all()
+
+
 def test_joins_bend_the_path_back_within_the_borders():
     ahead, place = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
     assert abs(steer_rad(place, ahead, stage="4x2")) == pytest.approx(MAX_STEER_RAD)  # at the border
@@ -99,9 +116,10 @@ def test_a_dance_that_leaves_the_stage_is_noted():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("engine", "song", "n_seeds"), [("graph", "cha-cha", 2), ("mixer", "house", 4)])
-def test_dances_keep_to_the_stage(engine, song, n_seeds):
-    """The mixer has few words of each motif to choose from, and keeps to the stage only a little better."""
+@pytest.mark.parametrize(
+    ("engine", "song", "n_seeds", "most"), [("graph", "cha-cha", 2, 0.3), ("mixer", "house", 4, 0.15)]
+)
+def test_dances_keep_to_the_stage(engine, song, n_seeds, most):
     size_m, shares = (1.2, 1.0), {}
     for stage in ("free", "1.2x1"):
         of_seeds = []
@@ -115,4 +133,4 @@ def test_dances_keep_to_the_stage(engine, song, n_seeds):
                 assert np.abs(start_m).max() < 0.3  # the first pose is held there, and shifts its weight
         shares[stage] = np.mean(of_seeds)
     assert shares["1.2x1"] < shares["free"]
-    assert shares["1.2x1"] < 0.3
+    assert shares["1.2x1"] < most

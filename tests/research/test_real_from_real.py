@@ -1,10 +1,13 @@
-"""Takes told from takes: motion that differs is told, the same motion is not, and halves never share a take."""
+"""Takes told from takes: motion that differs is told, and the same motion is not."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+import choreograph as cg
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.skeleton import canonical_skeleton
 from research import real_from_real as controls
@@ -81,6 +84,22 @@ def test_every_step_keeps_the_length_of_a_take():
     motion = standing_take().motion
     for what, step in STEPS.items():
         assert step(motion).duration_s == pytest.approx(motion.duration_s, abs=1 / controls.LOW_FPS), what
+
+
+def test_built_in_takes_are_on_the_same_skeleton_as_real_ones():
+    starter = cg.starter_repertoire()
+    two = SimpleNamespace(takes=starter.takes[:2], motion=starter.motion)
+    bodies = controls.on_skeleton([standing_take()], two, canonical_skeleton())
+    assert [body[2] for body in bodies] == ["none", controls.BUILT_IN, controls.BUILT_IN]
+
+    def bone_m(body):
+        pos = body[3]
+        return np.linalg.norm(
+            pos[:, BODY_JOINTS.index("left_ankle")] - pos[:, BODY_JOINTS.index("left_knee")], axis=1
+        )
+
+    for body in bodies:
+        np.testing.assert_allclose(bone_m(body), bone_m(bodies[0])[0], atol=1e-6)
 
 
 def test_takes_of_one_part_are_all_trained_on_or_all_tested_on():

@@ -40,7 +40,7 @@ from choreograph.music.danced_span import held_times_s
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_from, take_motions
-from choreograph.render.runs import RecentRuns
+from choreograph.render.runs import RecentRuns, stage_half_m
 from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
@@ -50,6 +50,7 @@ _CUT_COST_M = 0.2  # of a word within a passage that does not follow the word be
 # In the draw of passages, where each unit divides the probability by e.
 _AWAY_COST = 4.0  # of a word with the back to the audience
 _LAST_POSE_COST = 32.0  # of a last pose with the back to the audience
+_ROAM_COST = 1.0  # of a word that moves by half a stage with borders
 _ROUNDS = 6  # renderings until every word shows its motif, more for pinned and banned motifs
 
 
@@ -271,6 +272,10 @@ def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
     if last_slot is not None:
         of_front = _front_costs(pool, last_slot)
         costs = of_front if costs is None else costs + of_front
+    stage_m = as_stage_m(request.config.stage)
+    if stage_m is not None:
+        of_stage = _stage_costs(pool, stage_m)
+        costs = of_stage if costs is None else costs + of_stage
     return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=costs)
 
 
@@ -284,6 +289,16 @@ def _front_costs(pool: CandidatePool, last_slot: int) -> Floats:
     costs: Floats = np.tile(_AWAY_COST * away.mean(axis=1), (pool.constraints.n_words, 1))
     costs[last_slot] += _LAST_POSE_COST * away[:, -1]
     return costs
+
+
+def _stage_costs(pool: CandidatePool, stage_m: tuple[float, float]) -> Floats:
+    """Costs (N, W) of all words by how far they move. With them, passages that keep to the stage are drawn.
+
+    A word may be danced in any direction, so that the smaller side of the stage counts.
+    """
+    _, walk_m = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 2, 2)
+    moved = np.linalg.norm(walk_m[:, -1], axis=-1) / min(stage_half_m(stage_m))
+    return np.tile(_ROAM_COST * moved**2, (pool.constraints.n_words, 1))
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:
