@@ -3,10 +3,11 @@
     python -m research.real_from_real DANCE_WITH_MELODY CHOREONET STREET [--seeds 3] [--built FOLDER]
 
 This says which AUC built-in takes could reach. Windows, network, training and the test on every second take
-are the same. Five tables: each source of takes told from the other real ones, and in pairs; the same with
-all takes on one skeleton (without G1 Moves, which are of a robot); a genre of two sources, and a genre told
-from the others of its source; takes told from themselves after a step of our own import; and takes told from
-others of their source at random. The seeds are of the network, and of the halves.
+are the same. Each source of takes is told from the other real ones, and from each other source. The same is
+done with all takes on one skeleton, without G1 Moves, whose takes are of a robot. A genre is told from the
+same genre of another source, and from the other genres of its source. Takes are told from themselves after a
+step of our own import, and at random from others of their source. The seeds are of the network and of the
+halves.
 
 With --built, two repertoires are built in FOLDER, of the takes of dance-with-melody that are trained on and
 of those that are tested on. Dances of each to the songs of its takes are told from these takes.
