@@ -20,6 +20,7 @@ from choreograph.choreography.genres import (
 )
 from choreograph.choreography.kept_analysis import Analysis, kept_analysis, tracker_digest
 from choreograph.core.counts import Counts
+from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import NO_MEMORY, Floats, Memory, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
@@ -91,6 +92,7 @@ def _analysis(
     notes = list(song.notes)
     mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
     counts = song_counts(song, mel, beats)
+    return_memory(song.duration_s)
     if report is not None:
         report(20, _STEPS)
     if names_a_tracker(beats):
@@ -98,6 +100,7 @@ def _analysis(
     rhythm = rhythm_features(mel, counts)
     style, beat_count, style_notes = _style(repertoire, mel, rhythm, n_seconds)
     notes += style_notes
+    return_memory(song.duration_s)
     if report is not None:
         report(25, _STEPS)
     sections, form, _ = song_structure(song, counts, part(report, 25, 60, _STEPS))

@@ -15,6 +15,7 @@ from choreograph.core.counts import ANNOTATED, MAX_METRE, Counts
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import MAX_TABLE_BYTES, read_text
 from choreograph.core.kernel_cache import kernel_cache
+from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 from choreograph.music._kernels import best_beat_sequence
 from choreograph.music.mel import MEL_BANDS, autocorrelations, mel_band_hz, onset_envelopes
@@ -78,8 +79,11 @@ def onset_strength(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     """
     hz = mel_band_hz()
     total = np.zeros(len(log_mel))
+    amplitude = np.empty(len(log_mel))
     for low, high, weight in zip(_BANDS_HZ, _BANDS_HZ[1:], _BAND_WEIGHTS, strict=False):
-        amplitude = np.sqrt(np.exp(log_mel[:, (hz >= low) & (hz < high)]).sum(axis=1, dtype=np.float64))
+        for block in frame_blocks(len(log_mel)):
+            power = np.exp(log_mel[block, (hz >= low) & (hz < high)])
+            amplitude[block] = np.sqrt(power.sum(axis=1, dtype=np.float64))
         rise = np.zeros(len(log_mel))
         rise[2:] = np.maximum(0.0, amplitude[2:] - amplitude[:-2])
         rise[rise < 1e-3 * rise.max(initial=0.0)] = 0.0  # noise in a pause is not an onset

@@ -13,7 +13,7 @@ from choreograph.motion.body import body_pos_m, clips_to_root_frame
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, planned_edit
-from choreograph.render.rendering import off_stage
+from choreograph.render.assembly import off_stage
 
 _COMPARED_FPS = 20.0  # of the rendered alternatives
 

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import reprlib
-import sys
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -29,6 +26,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
+from choreograph.core.free_memory import return_memory
 from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
@@ -51,12 +49,12 @@ from choreograph.pipeline.keeping import (
 )
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
+from choreograph.render.assembly import off_stage
 from choreograph.render.filled_gaps import Loop, looped
-from choreograph.render.rendering import off_stage, render_planned
+from choreograph.render.rendering import render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
-_LONG_S = 600.0  # of a song whose free memory is returned
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,7 +346,7 @@ def _danced(
     )  # fmt: skip
     if isinstance(song, KnownSong):
         song.forget_samples()  # of which an hour has 0.3 GB
-    _return_memory(song_features.duration_s)
+    return_memory(song_features.duration_s)
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
@@ -359,7 +357,7 @@ def _danced(
     )
     if kept is None:
         result = engine.plan(request)
-        _return_memory(song_features.duration_s)
+        return_memory(song_features.duration_s)
         motion = result.motion
         if motion is None:
             motion = render_planned(result.plan, repertoire, memory, report=substage(report, "rendering"))
@@ -369,16 +367,6 @@ def _danced(
     notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
-
-
-def _return_memory(duration_s: float) -> None:
-    """Give memory that is free to the system, in a long song and where the C library can: 0.6 GB in an hour.
-
-    It would stay in small gaps, which the large arrays of the next stage do not fit into.
-    """
-    if duration_s > _LONG_S and sys.platform == "linux":
-        with suppress(OSError, AttributeError):  # of another C library
-            ctypes.CDLL(None).malloc_trim(0)
 
 
 def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:

@@ -44,7 +44,8 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.keeping import kept_file_plan, part_of, read_existing
 from choreograph.pipeline.rearranging import hold, moved_join, repetition
 from choreograph.plan_parts import TOUCH_S, PlannedEdit
-from choreograph.render.rendering import off_stage, take_motions, with_edit
+from choreograph.render.assembly import off_stage
+from choreograph.render.rendering import take_motions, with_edit
 
 # Edits of a dance, one after another.
 

@@ -80,3 +80,18 @@ def assemble(
     motion = Motion(previous.skeleton, root_out, rot.make_continuous(quat_out, out=quat_out), fps)
     joins = Joins(np.array([run.start_s for run in runs[1:]], np.float64), tuple(feet_m))
     return motion.sliced(0, min(n_frames, total)), joins
+
+
+def off_stage(motion: Motion, stage: str) -> tuple[str, ...]:
+    """A note if a dance leaves a `stage` such as "4x3", which it begins in the middle of. None otherwise.
+
+    Raises `ParameterError` for what is no stage.
+    """
+    size_m = as_stage_m(stage)
+    if size_m is None:
+        return ()
+    places_m = np.abs(motion.root_pos_m - motion.root_pos_m[0])[:, [0, 2]]  # (T, 2)
+    outside = float((places_m > np.array(size_m) / 2).any(axis=1).mean())
+    if outside == 0:
+        return ()
+    return (f"the dancer is off the stage ({stage} m) for {max(outside, 0.01):.0%} of the time",)

@@ -9,8 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from choreograph.core.arguments import as_stage_m, check_function, check_kind, unexpected
+from choreograph.core.arguments import check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
+from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
@@ -166,6 +167,7 @@ def render_from(
         sample=sample,
         report=part(report, 0, 70, _STEPS),
     )
+    return_memory(plan.duration_s)
     motion = _with_dynamics(motion, joins, plan)
     if report is not None:
         report(_STEPS, _STEPS)
@@ -261,6 +263,7 @@ def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
                 frames.put_back(motion)
         scale_in_place(motion, plan.amplitudes)
     hold()
+    return_memory(plan.duration_s)
     if plan.lock_feet:
         lock_feet_in_place(motion, *_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts))
     return motion
@@ -351,21 +354,6 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
     runs = overlay_runs([Run("", 0.0, end_s, knots_s)], _runs_of_words(words))
     made, joins = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
     return lock_feet_at_joins(made, joins)
-
-
-def off_stage(motion: Motion, stage: str) -> tuple[str, ...]:
-    """A note if a dance leaves a `stage` such as "4x3", which it begins in the middle of. None otherwise.
-
-    Raises `ParameterError` for what is no stage.
-    """
-    size_m = as_stage_m(stage)
-    if size_m is None:
-        return ()
-    places_m = np.abs(motion.root_pos_m - motion.root_pos_m[0])[:, [0, 2]]  # (T, 2)
-    outside = float((places_m > np.array(size_m) / 2).any(axis=1).mean())
-    if outside == 0:
-        return ()
-    return (f"the dancer is off the stage ({stage} m) for {max(outside, 0.01):.0%} of the time",)
 
 
 def plan_runs(plan: Plan) -> list[Run]:

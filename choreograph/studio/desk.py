@@ -25,7 +25,8 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.plan_parts import PlannedEdit
-from choreograph.render.rendering import off_stage, take_motions, with_edit
+from choreograph.render.assembly import off_stage
+from choreograph.render.rendering import take_motions, with_edit
 from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
 from choreograph.studio.offers import Offers
 from choreograph.studio.project import Project, Settings, Span, Step, joined

@@ -14,7 +14,8 @@ from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance, dance_with
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit
-from choreograph.render.rendering import off_stage, render_planned, take_motions, with_edit
+from choreograph.render.assembly import off_stage
+from choreograph.render.rendering import render_planned, take_motions, with_edit
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Project, Settings, Step
 

@@ -19,7 +19,8 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clic
 from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.planners import plan_exact
-from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
+from choreograph.choreography.graph.segments import ClipTable, LayerSource
+from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import Counts
 from choreograph.library.builtin import starter_repertoire

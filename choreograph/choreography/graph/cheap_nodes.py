@@ -14,6 +14,7 @@ from choreograph.choreography.graph.costs import last_pose
 from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, repeated
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
 from choreograph.choreography.graph.segments import LayerSource
+from choreograph.core.free_memory import return_memory
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
@@ -53,8 +54,12 @@ class CheapSoFar:
     def improved(self, keys: Sequence[int]) -> list[Layer]:
         """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second."""
         path = [self._include(second, key) for second, key in enumerate(keys)]
+        return_memory(self._source.n_seconds)
         cheap = CheapNodes.of(self._nodes, self._costs, self._song_features, self._edge_cost)
         found = cheap.improved(np.array(path))
+        del cheap
+        self._edge_cost.clear()  # which are large, before the nodes of the path are made
+        return_memory(self._source.n_seconds)
         if self._has_poses:
             rows = zip(self._nodes, found.tolist(), strict=True)
             return [layer.subset(slice(node, node + 1)) for (layer, _), node in rows]

@@ -12,7 +12,8 @@ from choreograph.choreography.graph.candidates import FIRST, AllowedNodes, candi
 from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, node_motifs, song_words_s
 from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
-from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
+from choreograph.choreography.graph.segments import ClipTable, LayerSource
+from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
 from choreograph.choreography.kept_analysis import kept_spans
 from choreograph.choreography.material import SectionGoal

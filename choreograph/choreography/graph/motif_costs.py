@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer, PoseBank
-from choreograph.choreography.graph.segments import ClipTable, Segments
+from choreograph.choreography.graph.segments import ClipTable
+from choreograph.choreography.graph.warped_segments import Segments
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
@@ -58,7 +59,7 @@ def node_motifs(
             clip = segments.clip[second]
             bounds = np.stack([word_bounds_s[inside], word_bounds_s[inside + 1]])  # (2, M)
             frames = clips.start_frame[clip, None, None] + _source_frames(
-                segments.time_maps[second], bounds - second
+                segments.maps(np.full(k, second), np.arange(k)), bounds - second
             )
             requests.append((second, inside, owner[inside] - second))
             takes.append(np.repeat(clips.take[clip], len(inside)))

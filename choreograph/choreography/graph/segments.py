@@ -1,11 +1,9 @@
-"""Warped segments of the candidates of every second, and the layers of their nodes."""
+"""The layers of every second: the nodes of the warped segments that are active in it."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,159 +17,9 @@ from choreograph.choreography.graph.layers import (
     facing,
     repeated,
 )
-from choreograph.choreography.graph.warp_kernels import segment_beats
-from choreograph.choreography.graph.warping import (
-    NO_TIME_MAP,
-    CountedClips,
-    count_time_maps,
-    warp_by_density,
-)
+from choreograph.choreography.graph.warped_segments import Segments
 from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Memory, rows_from
-from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
-from choreograph.motion.motion_beats import MIN_PROMINENCE
-
-NEAR_FRAMES = 1.0  # 50 ms, up to which beats match fully
-FAR_FRAMES = 5.0  # 250 ms, beyond which beats do not match at all
-_UNKNOWN_OFF_BAR = 0.75  # of a take without counts, as by chance in a bar of four
-_KEY_BYTES = 16  # of the key of a memory
-
-
-@dataclass(frozen=True, eq=False)
-class ClipBeats:
-    """Motion beats of all clips, in clip frames at 20 fps, concatenated."""
-
-    frames: NDArray[np.float64]  # (Q,)
-    ranges: NDArray[np.int64]  # (N, 2)
-
-
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """The warped segments inserted at each second (S seconds, K candidates)."""
-
-    clip: NDArray[np.int64]  # (S, K)
-    time_maps: NDArray[np.float32]  # (S, K, 81) clip frames at the 80 output frames and the end
-    density_mismatch: NDArray[np.float32]  # (S, K, 4) mean squared difference of densities per quarter
-    unmatched_beat: NDArray[np.float32]  # (S, K, 4) share of music and motion beats without a partner
-    first_beat: NDArray[np.float32]  # (S, K, 4) frame of the quarter's first motion beat, nan if none
-    last_beat: NDArray[np.float32]  # (S, K, 4)
-    time_map_id: NDArray[np.int64]  # (S, K) equal in segments of one time map. `NO_TIME_MAP` if none
-    off_bar: NDArray[np.float32]  # (S, K, 4) share of beats whose number in the bar is not the take's
-    phrase_penalty: NDArray[np.float32]  # (S, K, 5) of changing takes at the quarters' borders, 0 … 1
-    inputs: NDArray[np.uint8]  # (S, 16) digest of all else that they follow from. 0 without memory
-
-
-def warp_segments(
-    clip: NDArray[np.integer],
-    music_density: NDArray[np.float32],
-    music_beats_s: NDArray[np.floating],
-    clip_density: Callable[[NDArray[np.integer]], NDArray[np.float32]],
-    clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
-    beats: ClipBeats,
-    *,
-    counted: CountedClips | None = None,
-    as_recorded: bool = False,
-    smoothed: bool = True,
-    report: Callable[[int, int], None] | None = None,
-    memory: Memory = NO_MEMORY,
-) -> Segments:
-    """Warp the candidates `clip` (S, K) of every second onto the music's tempo-density (S, 80).
-
-    `clip_density` and `clip_speed` return tempo-densities and mean joint speeds (K, 160) of clips.
-    `music_beats_s` (Q,) are times in the song. Clips of takes with counts (`counted`) are aligned by their
-    counts instead (`count_time_maps`). With `as_recorded`, segments are the clips' middle 4 s at their own
-    speed. See ChoreoGraph, section 3.2. Smooth time maps (`smoothed`) and alignment by counts are ours.
-    `memory` is of the same clips and `clip_density`. From it, seconds and segments of other candidates are
-    taken.
-    """
-    n_seconds = len(clip)
-    grid = None if counted is None else (counted.song, counted.join_times_s)
-    memory = memory.of(grid, as_recorded, smoothed)
-
-    def warp(second: int) -> Segments:
-        near = slice(*np.searchsorted(music_beats_s, [second - 0.5, second + SEGMENT_S + 0.5]))
-        music_frames = (music_beats_s[near] - second) * NET_FPS
-        later = None if counted is None else counted.later_counts[second]
-        inputs = (second, music_density[second], music_frames, later)
-        key = np.frombuffer(memory.key(*inputs) or bytes(_KEY_BYTES), np.uint8)
-
-        def warped(clips: NDArray[np.integer]) -> Segments:
-            return _warped_second(
-                second, clips, music_density[second], music_frames, clip_density, clip_speed, beats, counted,
-                key, as_recorded=as_recorded, smoothed=smoothed,
-            )  # fmt: skip
-
-        def from_last(last: list[Segments]) -> Segments:
-            arrays = rows_from(
-                [_arrays_of(one) for one in last], [one.clip for one in last], clip[second],
-                lambda new: _arrays_of(warped(clip[second][new])),
-            )  # fmt: skip
-            return Segments(**arrays, inputs=key)
-
-        return memory.value_from_last(from_last, inputs, clip[second])
-
-    all_arrays: list[NDArray[Any]] = []
-    # Alignment by counts is many short steps of NumPy, which threads would slow down.
-    n_threads = 1 if counted is not None else os.cpu_count()
-    with ThreadPoolExecutor(n_threads) as pool:
-        each_second = map if n_threads == 1 else pool.map
-        for second, warped in enumerate(each_second(warp, range(n_seconds))):
-            of_second = [getattr(warped, field.name) for field in fields(Segments)]
-            all_arrays = all_arrays or [np.empty((n_seconds, *a.shape), a.dtype) for a in of_second]
-            for stored, array in zip(all_arrays, of_second, strict=True):
-                stored[second] = array
-            if report is not None:
-                report(second + 1, n_seconds)
-    return Segments(*all_arrays)
-
-
-def _arrays_of(segments: Segments) -> dict[str, NDArray[Any]]:
-    """The arrays with a row for each segment of one second, by name."""
-    return {name: values for name, values in vars(segments).items() if name != "inputs"}
-
-
-def _warped_second(
-    second: int,
-    clip: NDArray[np.integer],
-    music_density: NDArray[np.float32],
-    music_frames: NDArray[np.floating],
-    clip_density: Callable[[NDArray[np.integer]], NDArray[np.float32]],
-    clip_speed: Callable[[NDArray[np.integer]], NDArray[np.float32]],
-    beats: ClipBeats,
-    counted: CountedClips | None,
-    inputs: NDArray[np.uint8],
-    *,
-    as_recorded: bool,
-    smoothed: bool,
-) -> Segments:
-    """The segments (K, ...) of one second, without the axis of seconds."""
-    k = len(clip)
-    time_maps = np.empty((k, SEGMENT_FRAMES + 1), np.float32)
-    density_mismatch = np.zeros((k, SEGMENT_S), np.float32)
-    time_map_id = np.full(k, NO_TIME_MAP, np.int64)
-    off_bar = np.full((k, SEGMENT_S), _UNKNOWN_OFF_BAR, np.float32)
-    phrase_penalty = np.ones((k, SEGMENT_S + 1), np.float32)
-    searched = np.ones(k, bool)
-    if counted is not None:
-        laid = count_time_maps(second, clip, counted)
-        searched[laid.candidates] = False
-        time_maps[laid.candidates] = laid.time_maps
-        time_map_id[laid.candidates] = laid.time_map_id
-        off_bar[laid.candidates] = laid.off_bar
-        phrase_penalty[laid.candidates] = laid.phrase_penalty
-    if searched.any():
-        others = clip[searched]
-        time_maps[searched], density_mismatch[searched] = warp_by_density(
-            music_density, clip_density(others), music_frames, beats.frames, beats.ranges[others],
-            as_recorded=as_recorded, smoothed=smoothed,
-        )  # fmt: skip
-    measures = segment_beats(
-        time_maps.astype(np.float64), clip_speed(clip), music_frames, NEAR_FRAMES, FAR_FRAMES, MIN_PROMINENCE
-    )
-    unmatched_beat, first_beat, last_beat = (np.asarray(measure, np.float32) for measure in measures)
-    return Segments(
-        np.asarray(clip, np.int64), time_maps, density_mismatch, unmatched_beat, first_beat, last_beat,
-        time_map_id, off_bar, phrase_penalty, inputs,
-    )  # fmt: skip
+from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,9 +168,8 @@ class LayerSource:
         start, rank = np.divmod(segment, self._segments.clip.shape[1])
         return self._in_dance(self._nodes(start, offset, rank))
 
-    def _borders(self, start: AnyInts, offset: AnyInts, rank: AnyInts) -> _Borders:
-        """The bodies at both borders of the nodes of `_nodes`."""
-        clip, maps = self._segments.clip[start, rank], self._segments.time_maps[start, rank]
+    def _borders(self, start: AnyInts, offset: AnyInts, clip: AnyInts, maps: AnyFloats) -> _Borders:
+        """The bodies at both borders of the nodes of `_nodes`, by their clips (N,) and time maps (N, 81)."""
         joins_s = self._join_times_s[(start + offset)[:, None] + [0, 1]] - start[:, None]
         joins = joins_s * NET_FPS  # (N, 2) output frames
         low = np.clip(np.floor(joins).astype(np.int64), 0, maps.shape[1] - 2)
@@ -339,9 +186,10 @@ class LayerSource:
         segments, clips = self._segments, self._clips
         clip = segments.clip[start, rank]
         take = clips.take[clip]
-        borders = self._borders(start, offset, rank)
+        maps = segments.maps(start, rank)
+        borders = self._borders(start, offset, clip, maps)
         frames = offset[:, None] * NODE_FRAMES + np.arange(NODE_FRAMES + 1)
-        source_frames = segments.time_maps[start[:, None], rank[:, None], frames]  # (N, 21)
+        source_frames = np.take_along_axis(maps, frames, axis=1)  # (N, 21)
         headings = self._poses.headings_rad(clip, source_frames)  # (N, 21)
         return Layer(
             second=int(start[0] + offset[0]),

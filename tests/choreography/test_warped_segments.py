@@ -7,8 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from choreograph.choreography.graph import segments as module
-from choreograph.choreography.graph.segments import ClipBeats, warp_segments
+from choreograph.choreography.graph import warped_segments as module
+from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import NO_TIME_MAP, CountedClips, subsequence_dtw
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.numerics import Memory
@@ -105,8 +105,7 @@ def test_a_song_without_beats_gives_finite_time_maps():
     assert seen == [(1, 1)]
 
 
-@pytest.fixture(scope="module")
-def mixed():
+def counted_clips():
     """Clip 0 is counted, clip 1 is not, and clip 2 at a tempo that is too far from the song's."""
     takes = [
         make_counts(beats / 20, numbers_in_bar(len(beats), 4), 4) if counted else NO_COUNTS
@@ -115,11 +114,27 @@ def mixed():
     takes[2] = make_counts(0.1 * np.arange(80), numbers_in_bar(80, 4), 4)
     song = make_counts(MUSIC_BEATS_S, numbers_in_bar(len(MUSIC_BEATS_S), 4), 4)
     grid = SongGrid.of(song, float(N_SECONDS))
-    return warped(
-        counted=CountedClips.of(
-            np.arange(3), np.zeros(3, int), TakeGrids(takes, [()] * 3), grid, np.arange(N_SECONDS + 5.0)
-        )
+    return CountedClips.of(
+        np.arange(3), np.zeros(3, int), TakeGrids(takes, [()] * 3), grid, np.arange(N_SECONDS + 5.0)
     )
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    return warped(counted=counted_clips())
+
+
+@pytest.mark.parametrize("few", [0, 2, 8])
+@pytest.mark.parametrize("recent", [1, 2])
+def test_the_time_maps_of_a_long_song_are_made_again_where_they_are_read(mixed, few, recent, monkeypatch):
+    for name, value in (("_MOST_KEPT_S", 0), ("_RECENT_S", recent), ("_FEW", few)):
+        monkeypatch.setattr(module, name, value)
+    long = warped(counted=counted_clips())
+    assert long.time_maps.shape == (N_SECONDS, 3, 0)
+    for start, rank in (([0, 2, 2, 1], [1, 0, 2, 2]), ([2], [1]), ([0, 0, 0, 1], [2, 1, 0, 0])):
+        found = long.maps(np.array(start), np.array(rank))
+        assert np.array_equal(found, mixed.time_maps[start, rank])
+        assert np.array_equal(found, mixed.maps(np.array(start), np.array(rank)))
 
 
 def test_counted_clips_are_laid_and_the_others_warped_as_before(mixed, segments):
@@ -154,6 +169,6 @@ def test_only_other_candidates_are_warped_again(monkeypatch):
         found = warped(clips, memory=memory)
         assert sorted(made) == [(second, *warped_again) for second in range(N_SECONDS) if warped_again]
         alone = warped(clips)
-        for name in (field.name for field in fields(alone) if field.name != "inputs"):
+        for name in (field.name for field in fields(alone) if field.name not in ("inputs", "made_again")):
             assert getattr(found, name).tobytes() == getattr(alone, name).tobytes(), name
         assert not alone.inputs.any() and found.inputs.any()
