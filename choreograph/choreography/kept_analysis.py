@@ -42,16 +42,22 @@ _NUMBERS = ("duration_s", "opening_s", "closing_s", "off_beat")
 _log = logging.getLogger("choreograph")
 
 
-def kept_song(path: str | Path, *, start_s: float, duration_s: float | None) -> Song:
-    """As `as_song` of a file. If the same content was decoded before, it is decoded when samples are used."""
+def kept_song(path: str | Path, *, start_s: float, duration_s: float | None, keep: bool = True) -> Song:
+    """As `as_song` of a file, whose samples can be forgotten.
+
+    With `keep`, it is decoded when its samples are used, if the same content was decoded before.
+    """
 
     def decode() -> Song:
         return as_song("a song", path, start_s=start_s, duration_s=duration_s)
 
     check_song_file(as_path("a song", path))
-    folder, _ = cache_folder("songs")
+    folder, _ = cache_folder("songs") if keep else (None, "")
     if folder is None:
-        return decode()
+        song = decode()
+        return KnownSong(
+            decode, Path(path), song.notes, start_s, len(song.samples), song.samples_sha256, song
+        )
     entries = KeptEntries(folder, _MAX_SONG_BYTES, ".json")
     key = digest(program(), libraries(), Path(path).stem, sha256_of(path), start_s, duration_s)
     content, decoded = entries.read(key), None

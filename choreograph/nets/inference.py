@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from functools import partial
 from itertools import pairwise
 from typing import Any, ClassVar, Self
 
@@ -370,16 +371,19 @@ class SongStyle(TrainedNet):
                 f"expected log-mel (T, {MEL_BANDS}) and rhythm (M, {RHYTHM_DIM}), "
                 f"got {log_mel.shape} and {rhythm.shape}"
             )
-        padded = np.pad(log_mel, ((0, MEL_FRAMES), (0, 0)), constant_values=float(log_mel.min()))
+        silence, n_frames = log_mel.min(), len(log_mel)
         starts = np.asarray(starts_s, np.int64)
         frames = np.minimum(starts * MUSIC_FPS, len(log_mel))
         rows = np.minimum((starts + SEGMENT_S // 2) * RHYTHM_FPS, len(rhythm) - 1)
+
+        def segments(part: slice) -> Array:
+            at = frames[part, None] + np.arange(MEL_FRAMES)  # (B, 240)
+            padded: Array = log_mel[np.minimum(at, n_frames - 1)]
+            padded[at >= n_frames] = silence
+            return padded
+
         return in_batches(
-            len(starts),
-            lambda part: self._style(
-                lambda: padded[frames[part, None] + np.arange(MEL_FRAMES)], rhythm[rows[part]]
-            ),
-            STYLE_DIM,
+            len(starts), lambda part: self._style(partial(segments, part), rhythm[rows[part]]), STYLE_DIM
         )
 
     def _style(self, mel: Callable[[], Array], rhythm: Array) -> Array:

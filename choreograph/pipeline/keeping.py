@@ -107,8 +107,8 @@ def part_of(
             )
     if existing is not None and duration_s is None:
         duration_s = existing.duration_s
-    if keep and isinstance(song, str | Path):
-        return kept_song(song, start_s=start_s or 0.0, duration_s=duration_s)
+    if isinstance(song, str | Path):
+        return kept_song(song, start_s=start_s or 0.0, duration_s=duration_s, keep=keep)
     return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 

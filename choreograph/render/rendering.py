@@ -261,9 +261,10 @@ def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
             contacts = _contacts(motion, joins, plan.opening_s, plan.closing_s)
             for frames in reversed(replaced):
                 frames.put_back(motion)
+            return_memory(plan.duration_s)
         scale_in_place(motion, plan.amplitudes)
+        return_memory(plan.duration_s)
     hold()
-    return_memory(plan.duration_s)
     if plan.lock_feet:
         lock_feet_in_place(motion, *_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts))
     return motion

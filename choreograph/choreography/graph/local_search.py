@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +50,8 @@ class CheapNodes:
     Costs that depend on the path (`Cost.of_path`) are evaluated along paths. All others are evaluated once.
     """
 
+    _n_threads: ClassVar[int] = 1  # costs of the user need not be made for threads
+
     layers: tuple[Layer, ...]  # S, of N nodes each, before anything is danced
     node_cost: tuple[NDArray[np.float64], ...]  # S arrays (N,)
     edge_cost: tuple[NDArray[np.float32], ...]  # S - 1 arrays (P, N), of costs that do not depend on the path
@@ -85,15 +90,30 @@ class CheapNodes:
         best, least = self._descent(np.asarray(path, np.int64))
         if not self.of_path:
             return best
-        noise, in_vain = _Noise.of(self.edge_cost), 0
-        for _ in range(_MOST_STARTS):
-            found, cost = self._descent(self._pass(best, noise))
-            in_vain = 0 if cost < least else in_vain + 1
-            if cost < least:
-                best, least = found, cost
-            if in_vain == _IN_VAIN:
-                break
+        of_seconds = zip(self.edge_cost, self.node_cost[1:], strict=True)
+        sizes = [self.node_cost[0].size, *(cost.size for costs in of_seconds for cost in costs)]
+        noises = [_Noise.of(self.edge_cost)]
+        while len(noises) < _MOST_STARTS:
+            noises.append(noises[-1].after_a_pass(sizes))
+        n_done = in_vain = 0
+        with ThreadPoolExecutor(self._n_threads) as pool:
+            while n_done < _MOST_STARTS and in_vain < _IN_VAIN:
+                # Starts that follow each other if none of them gains are searched at once.
+                n_next = min(self._n_threads, _MOST_STARTS - n_done, _IN_VAIN - in_vain)
+                tried = [
+                    pool.submit(self._started_from, best, noise) for noise in noises[n_done : n_done + n_next]
+                ]
+                for found, cost in (one.result() for one in tried):
+                    n_done += 1
+                    in_vain = 0 if cost < least else in_vain + 1
+                    if cost < least:
+                        best, least = found, cost
+                        break  # the others did not start from it
         return best
+
+    def _started_from(self, path: NDArray[np.int64], noise: _Noise) -> tuple[NDArray[np.int64], float]:
+        """The descent from a random change of a path."""
+        return self._descent(self._pass(path, noise.after_a_pass(())))
 
     def cost(self, path: AnyInts) -> float:
         """The cost of a path (S,)."""
@@ -203,6 +223,13 @@ class _Noise:
         n_factors = max(_N_FACTORS, 2 * max((cost.size for cost in edge_cost), default=0))
         return _Noise(1.0 + np.float32(_NOISE) * rng.standard_normal(n_factors, np.float32), rng)
 
+    def after_a_pass(self, sizes: Sequence[int]) -> _Noise:
+        """The noise of the pass after one that draws changes of costs of these sizes, in order."""
+        rng = deepcopy(self.rng)
+        for size in sizes:
+            rng.integers(len(self.factors) - size)
+        return _Noise(self.factors, rng)
+
 
 def _changed(cost: NDArray[np.floating], noise: _Noise | None) -> NDArray[np.floating]:
     """Costs with a random change in proportion to each, or as they are without noise."""
@@ -302,6 +329,8 @@ _History = tuple[Any, ...]
 
 class _CompiledNodes(CheapNodes):
     """`CheapNodes` whose steps are compiled. Paths and costs are those of `CheapNodes`, to the bit."""
+
+    _n_threads: ClassVar[int] = min(2, os.cpu_count() or 1)  # for kernels release the interpreter
 
     @cached_property
     def _of_one(self) -> dict[tuple[int, int], tuple[Any, ...]]:

@@ -24,7 +24,7 @@ from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
-_RETURN_S = 256  # of a long song, after which free memory is returned
+_RETURN_S = 64  # of a long song, after which free memory is returned
 
 
 @dataclass(frozen=True, eq=False)
