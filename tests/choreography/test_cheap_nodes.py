@@ -9,6 +9,7 @@ from synthetic_layers import random_source
 import choreograph as cg
 from choreograph.choreography.graph import cheap_nodes
 from choreograph.choreography.graph.cheap_nodes import cheapest, including
+from choreograph.choreography.graph.path_kernels import arrays_of
 
 
 @pytest.mark.parametrize("n_cheap", [3, 128])
@@ -24,6 +25,18 @@ def test_without_poses_the_dance_is_the_same(n_cheap, monkeypatch):
     )
     assert cg.dance(song, **arguments).plan == plan
     assert len(kept) >= 12 and all(layer.last_pose_m.size == 0 for layer in kept)
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+def test_without_poses_the_compiled_search_reads_the_same(tracked):
+    source, song_features = random_source(0, n_motifs=5, tracked=tracked)
+    layer = source.layer(3)
+    few = cheap_nodes._without_poses(layer, song_features)
+    assert few.last_pose_m.size == few.style.size == 0 and few.liveliness.strides == (0,)
+    for values, others in zip(
+        arrays_of(layer, None, None, song_features), arrays_of(few, None, None, song_features), strict=True
+    ):
+        np.testing.assert_array_equal(values, others)
 
 
 def test_costs_of_others_see_the_poses_of_a_long_dance(monkeypatch):

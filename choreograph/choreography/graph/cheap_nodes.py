@@ -22,7 +22,7 @@ N_CHEAP = 128  # nodes of each second that are searched
 _MOST_WHOLE_S = 600  # of a dance whose nodes are kept with their poses: 85 MB
 _OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")  # of fixed costs
 _OF_NODES = (  # for costs of nodes
-    "style", "take_names", "genre", "heading_rad", "source_frames", "clip", "time_map_id", "density_mismatch",
+    "style", "take_names", "genre", "heading_rad", "source_frames", "clip", "density_mismatch",
     "unmatched_beat", "first_beat", "last_beat", "count_uncertainty", "off_bar", "enter_penalty",
     "leave_penalty", "liveliness", "steps",
 )  # fmt: skip
