@@ -78,6 +78,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "rich": ("cli",),
     "sklearn": ("library.motifs",),
     "sounddevice": ("live.sound",),
+    "websockets": ("live.websocket",),
     "soundfile": ("music",),
     "soxr": ("music.song",),
     "starlette": ("studio",),

@@ -126,9 +126,9 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 @optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
 @optgroup.option(
     "--pretrained", metavar="default|clean|research|nothing",
-    help="Shipped networks that style and words start from (preset small), and that count takes by their motion. "
-    "clean: trained on our own takes only. research: also on data that states no licence. Default: clean "
-    "for style, research for counts.",
+    help="Shipped networks that style and words start from (preset small), and that count takes by their "
+    "motion. clean: trained on our own takes only. research: also on data that states no licence. Default: "
+    "clean for style, research for counts.",
 )  # fmt: skip
 @optgroup.option(
     "--keep-networks", is_flag=True, default=None,

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import socket
-from contextlib import suppress
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from choreograph.cli.present import Command, examples, say, stages
 from choreograph.core.errors import ChoreographError, ParameterError
+
+if TYPE_CHECKING:
+    from choreograph.motion.motion import Motion
+    from choreograph.pipeline.dancing import Dance
 
 _FILE = click.Path(path_type=Path)
 _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
@@ -22,62 +30,115 @@ _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
         "choreograph live song.mp3                          a dance for VSeeFace, Warudo, Unity or Unreal",
         "choreograph live song.mp3 --dance dance.bvh        a dance that was made before",
         "choreograph live song.mp3 --host 192.168.0.7 --silent",
+        "choreograph live song.mp3 --websocket 8765         frames as JSON for web pages and programs, too",
     ),
 )
 @click.argument("song", type=_FILE)
 @click.option("--dance", type=_FILE, metavar="MOTION", help="A motion to the song. Default: a new dance.")
 @click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire of a new dance.")
+@click.option("--engine", metavar="graph|mixer|rollout", help="Engine of a new dance.  [default: graph]")
 @click.option("--genre", help="Genre of a new dance.")
 @click.option("--seed", default=0, show_default=True, help="Seed of a new dance.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Machine of the receiver.")
 @click.option("--port", type=_PORTS, default=39539, show_default=True, help="UDP port of the receiver.")
+@click.option(
+    "--websocket", type=_PORTS, metavar="PORT", help="Also send frames as JSON to this port's clients."
+)
+@click.option("--control", type=_PORTS, metavar="PORT", help="Take requests by OSC on this UDP port.")
 @click.option("--fps", type=_RATES, default=60.0, show_default=True, help="Frames a second.")
 @click.option("--silent", is_flag=True, help="Do not play the song here.")
 def command(
     song: Path,
     dance: Path | None,
     db: tuple[Path, ...],
+    engine: str | None,
     genre: str | None,
     seed: int,
     host: str,
     port: int,
+    websocket: int | None,
+    control: int | None,
     fps: float,
     silent: bool,
 ) -> None:
     """Dance to SONG and send the body by the VMC protocol, a bundle of OSC over UDP for each frame.
 
     Receivers listen on UDP port 39539 unless they are told otherwise. Ctrl-C ends it.
+
+    A new dance can be changed while it runs. Type genre salsa, energy 0.7, pin take:NAME, pin motif:41 or
+    seed 3, and it is danced from the next phrase on.
     """
-    from choreograph.formats.register import load_motion
+    from choreograph.live.changing import ChangingBody, changing
+    from choreograph.live.listening import listening, take_lines
     from choreograph.live.sound import playing
     from choreograph.live.sound import silent as not_heard
     from choreograph.live.stream import send_frames
     from choreograph.live.vmc import VmcBody
-    from choreograph.music.song import load_song
+    from choreograph.live.websocket import serving
 
-    if dance is not None and (db or genre or seed):
+    arguments = {"engine": engine or "graph", "genre": genre, "seed": seed}
+    if dance is not None and (db or engine or genre or seed or control):
         raise ParameterError("expected --dance or options of a new dance, got both: leave out one")
-    with stages(quiet=False) as shown:
-        if dance is not None:
-            load_song(song)  # an error before anything is sent
-            motion = load_motion(dance)
-        else:
-            from choreograph.library.builtin import as_repertoire
-            from choreograph.pipeline.dancing import dance as make
-
-            motion = make(song, as_repertoire(db), genre=genre, seed=seed, report=shown.report).motion
-    body = VmcBody.of(motion.resampled(fps))
+    made = _dance(song, db, arguments) if dance is None else None
+    motion = made.motion if made is not None else _motion(song, dance)
+    body = ChangingBody(VmcBody.of(motion.resampled(fps)))
     try:
         address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     except (OSError, UnicodeError) as error:  # a UnicodeError for a name that no machine can have
         reason = getattr(error, "strerror", None) or "not a name of a machine"
         raise ChoreographError(f"expected the receiver's machine, got {host!r}: {reason}") from None
-    clock = not_heard() if silent else playing(song)
-    with socket.socket(address[0], socket.SOCK_DGRAM) as out, clock as song_s:
+    clock = _Clock()
+    with ExitStack() as stack:
+        out = stack.enter_context(socket.socket(address[0], socket.SOCK_DGRAM))
+        ask = None
+        if made is not None:
+            changes = stack.enter_context(
+                changing(song, db, made, body, fps, arguments, song_s=clock, note=say)
+            )
+            ask = changes.request
+        if ask is not None and control is not None:
+            stack.enter_context(listening(control, ask, say))
+        frames = stack.enter_context(serving(websocket, ask)) if websocket is not None else None
+        clock.song_s = stack.enter_context(not_heard() if silent else playing(song))
+        if ask is not None:
+            Thread(target=take_lines, args=(sys.stdin, ask, say), daemon=True).start()
+
+        def send(frame: int, time_s: float) -> None:
+            _send(out, body.packet(frame, time_s), address[4])
+            if frames is not None:
+                frames.put(body.pose(frame, time_s))
+
         say(f"sending {len(body) / fps:.1f} s to {host}:{port}, {fps:g} frames a second: Ctrl-C ends it")
-        sent = send_frames(body, fps, lambda packet: _send(out, packet, address[4]), song_s=song_s)
+        sent = send_frames(len(body), fps, send, song_s=clock)
     skipped = f", {sent.n_skipped} skipped" if sent.n_skipped else ""
     say(f"sent {sent.n_frames} frames{skipped}, at most {1000 * sent.latest_s:.1f} ms late")
+
+
+class _Clock:
+    """The time in the song, which begins when all is ready."""
+
+    def __init__(self) -> None:
+        self.song_s: Callable[[], float] = lambda: 0.0
+
+    def __call__(self) -> float:
+        return self.song_s()
+
+
+def _dance(song: Path, db: tuple[Path, ...], arguments: dict[str, Any]) -> Dance:
+    from choreograph.library.builtin import as_repertoire
+    from choreograph.pipeline.dancing import dance
+
+    with stages(quiet=False) as shown:
+        return dance(song, as_repertoire(db), report=shown.report, **arguments)
+
+
+def _motion(song: Path, dance: Path | None) -> Motion:
+    from choreograph.formats.register import load_motion
+    from choreograph.music.song import load_song
+
+    load_song(song)  # an error before anything is sent
+    assert dance is not None
+    return load_motion(dance)
 
 
 def _send(out: socket.socket, packet: bytes, address: tuple[object, ...]) -> None:

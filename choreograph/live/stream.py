@@ -6,8 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from choreograph.live.vmc import VmcBody
-
 
 @dataclass(frozen=True)
 class Sent:
@@ -19,30 +17,31 @@ class Sent:
 
 
 def send_frames(
-    body: VmcBody,
+    n_frames: int,
     fps: float,
-    send: Callable[[bytes], None],
+    send: Callable[[int, float], None],
     *,
     song_s: Callable[[], float],
     sleep: Callable[[float], None] = time.sleep,
 ) -> Sent:
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
+    `send` is called with the frame and the time in the song.
     `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
     so that errors do not add up.
     """
     n_sent, n_skipped, latest_s, frame = 0, 0, 0.0, 0
-    while frame < len(body):
+    while frame < n_frames:
         due_s = frame / fps
         now_s = song_s()
         if now_s < due_s:
             sleep(due_s - now_s)
             continue
         late = int((now_s - due_s) * fps)
-        if late and frame < len(body) - 1:
-            step = min(late, len(body) - 1 - frame)
+        if late and frame < n_frames - 1:
+            step = min(late, n_frames - 1 - frame)
             n_skipped, frame = n_skipped + step, frame + step
             continue
-        send(body.packet(frame, now_s))
+        send(frame, now_s)
         n_sent, latest_s, frame = n_sent + 1, max(latest_s, now_s - due_s), frame + 1
     return Sent(n_sent, n_skipped, latest_s)

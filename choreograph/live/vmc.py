@@ -8,6 +8,7 @@ those of Unity's humanoid are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,28 @@ class VmcBody:
         for name, pos_m, quat in zip(self.names, self.bone_pos_m[frame], self.bone_quat[frame], strict=True):
             messages.append(Message("/VMC/Ext/Bone/Pos", (name, *pos_m.tolist(), *quat.tolist())))
         return bundle(messages)
+
+    def pose(self, frame: int, time_s: float) -> dict[str, Any]:
+        """A frame as JSON values, in the axes of glTF and VRM: right-handed, Y up, the dancer faces +Z.
+
+        `hips_pos_m` is in metres from the origin of the stage. `bones` are rotations xyzw by VRM's names,
+        relative to the parent bone and to a T pose.
+        """
+        quat = (self.bone_quat[frame] * _QUAT_XYZW).tolist()
+        names = [name[0].lower() + name[1:] for name in self.names]
+        hips_m = self.bone_pos_m[frame, names.index("hips")] * _POSITION
+        return {
+            "time_s": round(time_s, 4),
+            "frame": frame,
+            "hips_pos_m": [round(value, 5) for value in hips_m.tolist()],
+            "bones": {name: [round(v, 5) for v in value] for name, value in zip(names, quat, strict=True)},
+        }
+
+    def joined(self, other: VmcBody, first: int) -> VmcBody:
+        """This body until the frame `first`, and from it on another one of the same length."""
+        pairs = (self.bone_pos_m, other.bone_pos_m), (self.bone_quat, other.bone_quat)
+        pos_m, quat = (np.concatenate([mine[:first], its[first : len(mine)]]) for mine, its in pairs)
+        return VmcBody(pos_m, quat, self.names)
 
     def __len__(self) -> int:
         return len(self.bone_pos_m)

@@ -38,12 +38,13 @@ class Clock:
 def sent_at(body, clock):
     times = []
 
-    def send(packet):
+    def send(frame, time_s):
+        packet = body.packet(frame, time_s)
         [now] = [m.arguments[0] for m in messages_of(packet) if m.address == "/VMC/Ext/T"]
         times.append(now)
         clock.now_s += clock.busy_s.pop(len(times), 0.0)
 
-    return send_frames(body, FPS, send, song_s=clock, sleep=clock.sleep), np.array(times)
+    return send_frames(len(body), FPS, send, song_s=clock, sleep=clock.sleep), np.array(times)
 
 
 def test_every_frame_is_sent_at_its_time():
@@ -106,6 +107,7 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     save_motion(tmp_path / "steps.bvh", stepping(30))
     dance = ("--dance", tmp_path / "steps.bvh", "--silent")
     assert_one_line(run("live", song, *dance, "--genre", "house"), says="leave out one")
+    assert_one_line(run("live", song, *dance, "--control", "9000"), says="leave out one")
     assert_one_line(run("live", song, *dance, "--host", "no.such.invalid"), says="'no.such.invalid'")
     assert_one_line(run("live", song, *dance, "--host", f"{'a' * 70}.b"), says="not a name of a machine")
     assert_one_line(run("live", tmp_path / "none.mp3", *dance), says="none.mp3")

@@ -1,0 +1,87 @@
+"""What is requested of a dance while it runs: by OSC, as JSON, or in typed lines."""
+
+from __future__ import annotations
+
+import json
+import math
+import reprlib
+from dataclasses import dataclass
+from typing import Any
+
+from choreograph.choreography.constraints import MotifPin, Pin, TakePin
+from choreograph.core.errors import FormatError
+from choreograph.live.osc import Message
+from choreograph.render.dynamics import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
+
+KINDS = ("genre", "energy", "pin", "seed")
+_PREFIX = "/choreograph/"
+_EXAMPLES = "genre salsa, energy 0.7, pin take:NAME, pin motif:41 or seed 3"
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request, which is danced from the next phrase on.
+
+    A genre is a name, or empty for the one that suits the song. The energy is the size of the dance, from 0.5
+    to 1.1, and 1 as the takes are. A pin is take:NAME, which is danced for a phrase, or motif:NUMBER. Another
+    seed gives another dance.
+    """
+
+    kind: str  # one of `KINDS`
+    value: str | float | int
+
+    @classmethod
+    def of(cls, kind: str, value: object) -> Request:
+        """A checked request. Raises `FormatError` for another kind, or a value that it cannot have."""
+        if kind == "genre" and isinstance(value, str):
+            return cls(kind, value.strip())
+        if kind == "energy" and _is_number(value):
+            return cls(kind, min(max(float(value), LEAST_AMPLITUDE), GREATEST_AMPLITUDE))  # type: ignore[arg-type]
+        if kind == "seed" and _is_number(value) and float(value) == int(value) >= 0:  # type: ignore[arg-type, call-overload]
+            return cls(kind, int(value))  # type: ignore[call-overload]
+        if kind == "pin" and isinstance(value, str):
+            of, _, name = value.partition(":")
+            if name and (of == "take" or (of == "motif" and name.isdecimal())):
+                return cls(kind, value)
+        raise FormatError(f"expected {_EXAMPLES}, got {kind} {reprlib.repr(value)}")
+
+    def pin(self, from_s: float, to_s: float) -> Pin:
+        """A request for a take or a motif as a pin of the phrase between two times of the dance."""
+        of, _, name = str(self.value).partition(":")
+        return TakePin(from_s, to_s, name) if of == "take" else MotifPin(from_s, int(name))
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.value if self.value != '' else 'of the song'}"
+
+
+def of_message(message: Message) -> Request:
+    """The request of a message such as /choreograph/genre with one argument. Raises `FormatError`."""
+    if not message.address.startswith(_PREFIX) or len(message.arguments) != 1:
+        raise FormatError(f"expected {_PREFIX}genre, energy, pin or seed and a value, got {message.address}")
+    return Request.of(message.address.removeprefix(_PREFIX), message.arguments[0])
+
+
+def of_json(text: str | bytes) -> list[Request]:
+    """The requests of an object such as {"genre": "salsa"}. Raises `FormatError` for another text."""
+    try:
+        content: Any = json.loads(text)
+    except (ValueError, RecursionError):
+        content = None
+    if not isinstance(content, dict) or not content:
+        raise FormatError(f'expected an object such as {{"genre": "salsa"}}, got {reprlib.repr(text)}')
+    return [Request.of(str(kind), value) for kind, value in content.items()]
+
+
+def of_line(line: str) -> Request:
+    """The request of a typed line, such as genre salsa. Raises `FormatError` for another line."""
+    kind, _, value = line.strip().partition(" ")
+    if kind in ("energy", "seed"):
+        try:
+            return Request.of(kind, float(value))
+        except ValueError:
+            raise FormatError(f"expected {_EXAMPLES}, got {reprlib.repr(line.strip())}") from None
+    return Request.of(kind, value)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

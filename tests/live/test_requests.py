@@ -1,0 +1,76 @@
+"""Requests by OSC, JSON and typed lines, and those that are refused."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import choreograph as cg
+from choreograph.core.errors import FormatError
+from choreograph.live.osc import Message
+from choreograph.live.requests import KINDS, Request, of_json, of_line, of_message
+
+WANTED = [
+    ("genre", "salsa", Request("genre", "salsa")),
+    ("genre", "", Request("genre", "")),
+    ("energy", 0.7, Request("energy", 0.7)),
+    ("energy", 9.0, Request("energy", 1.1)),
+    ("seed", 3, Request("seed", 3)),
+    ("pin", "take:house-01", Request("pin", "take:house-01")),
+    ("pin", "motif:41", Request("pin", "motif:41")),
+]
+
+
+@pytest.mark.parametrize(("kind", "value", "request_"), WANTED)
+def test_all_ways_say_the_same(kind, value, request_):
+    assert of_message(Message(f"/choreograph/{kind}", (value,))) == request_
+    assert of_json(json.dumps({kind: value})) == [request_]
+    assert of_line(f"{kind} {value}\n") == request_
+
+
+def test_an_object_has_several_requests():
+    assert of_json('{"genre": "house", "seed": 2}') == [Request("genre", "house"), Request("seed", 2)]
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        ("genre", 3), ("energy", "much"), ("energy", float("nan")), ("energy", True), ("seed", 1.5),
+        ("seed", -1), ("pin", "house-01"), ("pin", "motif:x"), ("pin", "take:"), ("speed", 2),
+    ],
+)  # fmt: skip
+def test_other_values_are_refused(kind, value):
+    with pytest.raises(FormatError, match="expected genre salsa"):
+        Request.of(kind, value)
+
+
+def test_other_messages_and_texts_are_refused():
+    for message in (
+        Message("/VMC/Ext/OK", (1,)),
+        Message("/choreograph/genre"),
+        Message("/choreograph/x", (1,)),
+    ):
+        with pytest.raises(FormatError):
+            of_message(message)
+    for text in ("", "[]", "{}", "{", "3", "[" * 100_000):
+        with pytest.raises(FormatError, match="expected an object"):
+            of_json(text)
+
+
+@given(st.text() | st.binary())
+def test_no_text_is_an_error_of_another_kind(text):
+    lines = [text] if isinstance(text, str) else []
+    for read, given_text in ((of_json, text), *((of_line, line) for line in lines)):
+        try:
+            found = read(given_text)
+        except FormatError:
+            continue
+        assert all(request.kind in KINDS for request in ([found] if read is of_line else found))
+
+
+def test_a_pin_is_of_its_phrase():
+    assert Request("pin", "take:a").pin(8.0, 16.0) == cg.TakePin(8.0, 16.0, "a")
+    assert Request("pin", "motif:4").pin(8.0, 16.0) == cg.MotifPin(8.0, 4)
