@@ -197,6 +197,7 @@ def plan_table(plan: Callable[[], object], layers: list) -> list[str]:
         "| part of the plan | s | share | times the bare search |",
         "| --- | --- | --- | --- |",
     ]
+    edges_s, improved_s = spent["costs of edges"] + bare_s, spent["local search"]
     for name, cpu_s in sorted(spent.items(), key=lambda item: -item[1]):
         lines.append(f"| {name} | {cpu_s:.3f} | {cpu_s / whole_s:.0%} | {cpu_s / bare_s:.1f} |")
     return [
@@ -205,6 +206,11 @@ def plan_table(plan: Callable[[], object], layers: list) -> list[str]:
         f"| the steps of the search alone, which read the same edges from arrays | {own_s:.4f} | | "
         f"{own_s / own_bare_s:.1f} |",
         f"| bare float32 Viterbi search | {bare_s:.4f} | | 1 |",
+        "",
+        f"A search reads an edge in {1e9 * bare_s / n_edges:.2f} ns, but the costs of the edges have to be "
+        f"known first. Beside a bare search that computes them as the planner does ({edges_s:.3f} s), the "
+        f"whole plan takes {whole_s / edges_s:.1f} times as long, and {(whole_s - improved_s) / edges_s:.1f} "
+        "times without the local search, which a bare search does not have.",
     ]
 
 
