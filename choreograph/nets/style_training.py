@@ -271,14 +271,16 @@ def train_style(
         load_pretrained(nets, "style", pretrained)
     nets.load_state_dict({name: torch.as_tensor(v) for name, v in data.statistics().items()}, strict=False)
 
-    def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        batch = data.batch(
+    def batch(rng: np.random.Generator) -> StyleBatch:
+        return data.batch(
             config.batch_size,
             rng,
             mirrored_share=config.mirrored_share,
             augmented=config.augmented,
             with_mel="mel" in nets.music.inputs,
         )
+
+    def loss(batch: StyleBatch, device: torch.device) -> Tensor:
         return pair_loss(nets, batch.to(device))
 
     n_steps = config.steps
@@ -296,6 +298,7 @@ def train_style(
         seed=seed,
         configuration={**asdict(config), "takes": sorted(song.name for song in (*takes, *songs))},
         context=context,
+        prepare=batch,
     )
     return nets
 

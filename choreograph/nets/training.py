@@ -22,6 +22,7 @@ import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -59,7 +60,8 @@ _UNREADABLE = (
     AssertionError, OverflowError, MemoryError, struct.error, zipfile.BadZipFile, pickle.UnpicklingError,
 )  # fmt: skip
 
-Loss = Callable[[np.random.Generator, torch.device], Tensor]
+Loss = Callable[[Any, torch.device], Tensor]
+Prepare = Callable[[np.random.Generator], Any]
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,7 @@ def train(
     configuration: Mapping[str, Any],
     schedule: str = "cosine",
     context: TrainingContext | None = None,
+    prepare: Prepare | None = None,
 ) -> float:
     """Train `module` in place with AdamW (Adam where `weight_decay` is 0).
 
@@ -107,9 +110,11 @@ def train(
 
     Parameters
     ----------
-    loss : a scalar, given the step's random generator and the module's device. With several processes, it is
-        of the rows of `processes.own_rows`, or uses outputs for all rows by `processes.gathered`
+    loss : a scalar, given the step's random generator, or what `prepare` returns for it, and the module's
+        device. With several processes, it is of the rows of `processes.own_rows`, or uses outputs for all
+        rows by `processes.gathered`
     schedule : of the learning rate, "cosine" after a warm-up, or "constant"
+    prepare : the batch of a step, which is made in another thread during the step before it
     configuration : JSON values. A checkpoint is continued if it has these and the context's `content`
 
     Returns the mean loss since the last report, or nan if the checkpoint was already complete.
@@ -125,7 +130,7 @@ def train(
     call_elsewhere(
         train, module, loss, name=name, n_steps=n_steps, learning_rate=learning_rate,
         weight_decay=weight_decay, seed=seed, configuration=configuration, schedule=schedule,
-        context=TrainingContext(device=context.device, precision=context.precision),
+        context=TrainingContext(device=context.device, precision=context.precision), prepare=prepare,
     )  # fmt: skip
     module.to(device).train()
     optimizer = AdamW(module.parameters(), weight_decay)
@@ -134,12 +139,17 @@ def train(
     run = _Run(name, n_steps, module, optimizer, expected, context)
     run.restore_or_start()
     own_seed = seed * _SEED_STRIDE + process_index() * _PROCESS_STRIDE
-    with forked_rng(), shared_batch_norms(module), _defer_interrupts() as interrupted:
+    with (
+        forked_rng(),
+        shared_batch_norms(module),
+        _batches(prepare, seed, n_steps) as batch_of,
+        _defer_interrupts() as interrupted,
+    ):
         try:
             while run.step < n_steps:
                 _seed_torch((own_seed + run.step) % 2**63, device)
                 with torch.autocast(device.type, torch.bfloat16, enabled=context.precision == "bfloat16"):
-                    value = loss(np.random.default_rng([seed, run.step]), device)
+                    value = loss(batch_of(run.step), device)
                 optimizer.zero_grad()
                 torch.autograd.backward(value)
                 average_gradients(module)
@@ -154,6 +164,28 @@ def train(
             raise KeyboardInterrupt from None
     module.to("cpu").eval()
     return run.loss
+
+
+@contextmanager
+def _batches(prepare: Prepare | None, seed: int, n_steps: int) -> Iterator[Callable[[int], Any]]:
+    """What the loss of each step is given: its random generator, or the batch that is prepared with it."""
+
+    def rng_of(step: int) -> np.random.Generator:
+        return np.random.default_rng([seed, step])
+
+    if prepare is None:
+        yield rng_of
+        return
+    coming: dict[int, Future[Any]] = {}
+    with ThreadPoolExecutor(1) as pool:
+
+        def batch_of(step: int) -> Any:
+            ready = coming.pop(step, None) or pool.submit(prepare, rng_of(step))
+            if step + 1 < n_steps:
+                coming[step + 1] = pool.submit(prepare, rng_of(step + 1))
+            return ready.result()
+
+        yield batch_of
 
 
 def _seed_torch(seed: int, device: torch.device) -> None:

@@ -282,8 +282,8 @@ def train_word_net(
     else:
         net.init_from_pca(sampled(_PCA_WORDS, np.random.default_rng(seed)).words)
 
-    def loss(rng: np.random.Generator, device: torch.device) -> Tensor:
-        return word_loss(net, sampled(config.batch_size, rng).to(device))
+    def loss(batch: AugmentedWords, device: torch.device) -> Tensor:
+        return word_loss(net, batch.to(device))
 
     train(
         net,
@@ -295,6 +295,7 @@ def train_word_net(
         seed=seed,
         configuration={**asdict(config), "takes": [take.name for take in usable]},
         context=context,
+        prepare=partial(sampled, config.batch_size),
     )
     return net
 

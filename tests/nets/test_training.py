@@ -256,3 +256,42 @@ def test_unknown_device_and_weights_of_another_shape_are_refused():
         select_device("gpu0")
     with pytest.raises(ParameterError, match="another preset"):
         load_pretrained(_module(), "toy", {"0.weight": np.zeros((3, 3), np.float32)})
+
+
+def test_batches_are_prepared_with_the_generators_of_their_steps():
+    """In order, each once, and as a loss without them draws."""
+    drawn = []
+
+    def loss_of(numbers):
+        return sum(p.square().sum() for p in module.parameters()) * float(numbers.mean())
+
+    def weights(**given):
+        nonlocal module
+        torch.manual_seed(0)
+        module = nn.Linear(2, 1)
+        train(
+            module, name="net", n_steps=5, learning_rate=0.1, weight_decay=0.0, seed=3, configuration={},
+            **given,
+        )  # fmt: skip
+        return torch.cat([p.detach().flatten() for p in module.parameters()])
+
+    def prepare(rng):
+        drawn.append(rng.random(4))
+        return drawn[-1]
+
+    module = None
+    alone = weights(loss=lambda rng, device: loss_of(rng.random(4)))
+    beside = weights(loss=lambda numbers, device: loss_of(numbers), prepare=prepare)
+    assert torch.equal(alone, beside)
+    np.testing.assert_array_equal(drawn, [np.random.default_rng([3, step]).random(4) for step in range(5)])
+
+
+def test_an_error_in_a_batch_is_raised():
+    def prepare(rng):
+        raise ParameterError("expected takes")
+
+    with pytest.raises(ParameterError, match="expected takes"):
+        train(
+            nn.Linear(2, 1), lambda batch, device: batch, name="net", n_steps=2, learning_rate=0.1,
+            weight_decay=0.0, seed=0, configuration={}, prepare=prepare,
+        )  # fmt: skip
