@@ -142,6 +142,7 @@ def numbers_in_bar(n_counts: int, metre: int, *, first: int = 1) -> NDArray[np.i
 COUNT_PHASE_DIM = 4  # cos and sin of the phase of the beat, then of the bar
 _END_PERIODS = 8  # the median of so many periods continues the counts
 _BEYOND = 10_000  # periods by which counts are continued
+_USUAL_S = 0.5  # a count of a song without beats
 
 
 def count_phase(counts: Counts, times_s: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -169,6 +170,17 @@ def time_at(instants_s: Floats, index: NDArray[np.floating]) -> Floats:
     known_s, indices = _continued(instants_s)
     times_s: Floats = np.interp(index, indices, known_s)
     return times_s
+
+
+def counts_later_s(beats_s: ArrayLike, times_s: ArrayLike, n: float) -> Floats:
+    """The times `n` counts after times (...), or before them if `n` is negative.
+
+    Beyond the beats (Q,) of a song, counts go on evenly. Without two beats, a count lasts half a second.
+    """
+    beats = np.asarray(beats_s, np.float64)
+    if len(beats) < 2:
+        beats = np.array([0.0, _USUAL_S])
+    return time_at(beats, index_at(beats, np.asarray(times_s, np.float64)) + n)
 
 
 def _continued(instants_s: Floats) -> tuple[Floats, Floats]:

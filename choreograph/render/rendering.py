@@ -168,7 +168,7 @@ def render_from(
         report=part(report, 0, 70, _STEPS),
     )
     return_memory(plan.duration_s)
-    motion = _with_dynamics(motion, joins, plan)
+    motion = with_dynamics(motion, joins, plan)
     if report is not None:
         report(_STEPS, _STEPS)
     return motion
@@ -197,7 +197,7 @@ def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: Motion
         blending=plan.blending, stage=plan.stage, to_front=plan.front == "audience",
     )  # fmt: skip
     held = replace(window, stops_s=(*window.stops_s, *held_spans_s(window.words)))
-    filling = of_length(_with_dynamics(made, joins, held), end - begin)
+    filling = of_length(with_dynamics(made, joins, held), end - begin)
     stretches = [span for span in ((0, first - begin), (stop - begin, end - begin)) if span[0] < span[1]]
     filled = fill_gaps(motion.sliced(begin, end), filling, stretches)
     root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
@@ -231,7 +231,7 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
     if not plan.stops_s:
         if not plan.amplitudes:
             return hold_ends(motion, plan.opening_s, plan.closing_s)
-        return _with_dynamics(copied(motion), Joins(np.zeros(0), ()), plan)
+        return with_dynamics(copied(motion), Joins(np.zeros(0), ()), plan)
     end_s = motion.duration_s
     whole = Run("", 0.0, end_s, np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1))
     borders_s = [0.0, *(moves_s - STOP_EASE_S for _, moves_s in plan.stops_s), end_s]
@@ -239,10 +239,10 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
     made, joins = assemble(
         runs, lambda *_: (motion, 0.0), fps=motion.fps, duration_s=end_s, blending="inertial"
     )
-    return _with_dynamics(made, joins, plan)
+    return with_dynamics(made, joins, plan)
 
 
-def _with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
+def with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
     """The motion with the amplitudes and held poses of its plan, and with its feet locked.
 
     A held pose breathes as much in a soft part of the song as in a loud one. The contacts are those without

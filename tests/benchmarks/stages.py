@@ -47,7 +47,7 @@ STAGES = {  # name: functions, each as module:qualified name
     "generation": ("choreography.rollout.engine:generate_motion",),
     "rollout, rest": ("choreography.rollout.engine:RolloutEngine.plan",),
     "assembling": ("render.rendering:assemble",),
-    "dynamics, held poses, feet": ("render.rendering:_with_dynamics",),
+    "dynamics, held poses, feet": ("render.rendering:with_dynamics",),
 }
 
 

@@ -1,0 +1,246 @@
+"""Paths of several dancers on one stage: places at the borders of phrases, apart from each other and seen.
+
+Every dancer is brought to its place of the formation at each border. What all dancers travel together stays,
+so that dancers in unison are not corrected at all. Formations are made wider until no two bodies come too
+near to each other on the way, and dancers that would be hidden for long step aside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import scipy
+
+from choreograph.choreography.formations import eye_of, in_windows
+from choreograph.core.numerics import Floats
+from choreograph.motion.body import BODY_JOINTS, body_pos_m
+from choreograph.motion.motion import Motion
+from choreograph.render.scene import ground_shift_m
+
+LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground
+_MARGIN_M = 0.02  # for what the locking of feet changes
+SPACING_M = 1.8  # of neighbours in a formation, at least
+_WIDER = 1.04  # a formation, where two bodies are too near
+_MOST_PASSES = 150
+_WANDER_M = 1.2  # from the middle of the stage, of all dancers together
+_LEFT_M = 0.06  # a dancer who is so near to the place is not corrected
+_PLAN_FPS = 12.0  # at which bodies are compared
+_RADII_M = {"head": 0.12, "neck": 0.08, "pelvis": 0.16, "spine3": 0.17, "spine2": 0.15, "wrist": 0.12}
+_RADIUS_M = 0.09  # of all other joints
+_HIDDEN_M = 0.22  # from the middle of a body to the line of sight past the middle of another one
+_ASIDE_M = 0.12  # step of a dancer who is hidden
+_IN_FRONT_M = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class StageBody:
+    """A dancer before it goes anywhere: the motion with its height, and the contacts (T, 4) of its feet."""
+
+    motion: Motion
+    contacts: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Knot:
+    """A time at which dancers are at their places."""
+
+    time_s: float
+    places: Floats  # (N, 2) of the formation, in the order of its places
+    in_metres: bool  # or in spacings
+    same: bool = True  # as the formation before, in which each dancer keeps its place
+
+
+@dataclass(frozen=True, eq=False)
+class StagePaths:
+    """Where the dancers are at the times of the knots."""
+
+    places_m: Floats  # (K, N, 2)
+    formation_m: Floats  # (K, N, 2) as asked for. A dancer who is near enough is not corrected
+    least_gap_m: float  # between two bodies, by bounds of their reach
+    widened: float  # the greatest factor by which places in metres were made wider, 1 for none
+
+
+def plan_paths(
+    bodies: Sequence[StageBody], knots: Sequence[Knot], *, symmetric: bool, hidden_s: float
+) -> StagePaths:
+    """The places of all dancers (N) at the knots (K).
+
+    If `symmetric`, dancers left and right of the axis remain mirror images. `hidden_s` is how long a dancer
+    may be hidden from the audience.
+    """
+    n = len(bodies)
+    crowd = _Crowd.of(bodies, np.array([knot.time_s for knot in knots]))
+    order = _order(knots, symmetric)  # (K, N) places of dancers
+    scale, aside_m = np.ones(len(knots)), np.zeros((len(knots), n))
+    base = [SPACING_M * (1.0 if n > 1 else 0.0) if not knot.in_metres else 1.0 for knot in knots]
+    common_m = _common_path_m(crowd, symmetric)
+    for _ in range(_MOST_PASSES):
+        formation_m = np.empty((len(knots), n, 2))
+        for index, knot in enumerate(knots):
+            whole = knot.places * base[index] * scale[index]
+            formation_m[index] = (whole if knot.in_metres else in_windows(whole))[order[index]]
+        formation_m[..., 0] += aside_m
+        wanted_m = formation_m + common_m[:, None]
+        places_m = _nearly(wanted_m, crowd.ground_m[:, crowd.knot_rows].transpose(1, 0, 2))
+        paths_m = crowd.paths_m(places_m)  # (N, T, 2)
+        near, gap_m = crowd.too_near(paths_m)
+        if near.any():
+            scale[near] *= _WIDER
+            continue
+        hidden = crowd.hidden(paths_m, formation_m, hidden_s)
+        if not hidden.any() or symmetric:
+            break
+        aside_m += hidden * _ASIDE_M
+    in_metres = np.array([knot.in_metres for knot in knots])
+    return StagePaths(places_m, wanted_m, gap_m, float(np.max(scale[in_metres], initial=1.0)))
+
+
+def _order(knots: Sequence[Knot], symmetric: bool) -> np.ndarray:
+    """The place of each dancer at each knot (K, N), with the least squares of the ways between formations.
+
+    With least squares, ways at one speed do not come closer than 0.7 of the distance of places (Turpin,
+    Michael, Kumar: CAPT, 2014).
+    """
+    n = len(knots[0].places)
+    order = [np.arange(n)]
+    for before, knot in zip(knots, knots[1:], strict=False):
+        if knot.same:
+            order.append(order[-1])
+            continue
+        a, b = before.places[order[-1]], knot.places
+        if symmetric and n > 1:
+            order.append(_symmetric_order(a, b, n % 2))
+            continue
+        cost = np.square(a[:, None] - b[None]).sum(axis=-1)
+        order.append(scipy.optimize.linear_sum_assignment(cost)[1])
+    return np.array(order)
+
+
+def _symmetric_order(a: Floats, b: Floats, on_axis: int) -> np.ndarray:
+    """As `_order`, for pairs of dancers that keep their sides."""
+    cost = np.square(a[on_axis::2, None] - b[None, on_axis::2]).sum(axis=-1)
+    pairs = scipy.optimize.linear_sum_assignment(cost)[1]
+    places = np.stack([on_axis + 2 * pairs, on_axis + 2 * pairs + 1], axis=1).ravel()
+    return np.concatenate([np.arange(on_axis), places])
+
+
+def _common_path_m(crowd: _Crowd, symmetric: bool) -> Floats:
+    """What all dancers travel together by each knot (K, 2), within about `_WANDER_M` of the middle."""
+    at_m = crowd.ground_m[:, crowd.knot_rows]  # (N, K, 2)
+    drift_m = (at_m - at_m[:, :1]).mean(axis=0)
+    if symmetric:
+        drift_m[:, 0] = 0.0
+    return _WANDER_M * np.tanh(drift_m / _WANDER_M)
+
+
+def _nearly(wanted_m: Floats, ground_m: Floats) -> Floats:
+    """The places (K, N, 2) near those wanted, of dancers who are not moved where they are near enough.
+
+    `ground_m` (K, N, 2) is where the dancers would be.
+    """
+    places_m = wanted_m.copy()
+    shift_m = wanted_m[0] - ground_m[0]
+    for index in range(1, len(places_m)):
+        needed_m = wanted_m[index] - ground_m[index]
+        moves = np.linalg.norm(needed_m - shift_m, axis=-1, keepdims=True) > _LEFT_M
+        shift_m = np.where(moves, needed_m, shift_m)
+        places_m[index] = ground_m[index] + shift_m
+    return places_m
+
+
+@dataclass(frozen=True, eq=False)
+class _Crowd:
+    """All dancers at `_PLAN_FPS`, to be placed on the ground."""
+
+    bodies: Sequence[StageBody]
+    times_s: Floats  # (K,) of the knots
+    rows: np.ndarray  # (T,) frames of the motions
+    knot_rows: np.ndarray  # (K,) index of a row at each knot
+    ground_m: Floats  # (N, T, 2) of the roots, without any way
+    reach_m: Floats  # (N, T, J, 2) of the joints from the root
+    radii_m: Floats  # (J,)
+
+    @classmethod
+    def of(cls, bodies: Sequence[StageBody], times_s: Floats) -> _Crowd:
+        """The dancers of motions of one length and rate."""
+        first = bodies[0].motion
+        step = max(1, round(first.fps / _PLAN_FPS))
+        at_knots = np.clip(np.round(times_s * first.fps).astype(np.int64), 0, first.n_frames - 1)
+        rows = np.union1d(np.arange(0, first.n_frames, step), at_knots)
+        known: dict[int, tuple[Floats, Floats]] = {}
+        for body in bodies:
+            if id(body) not in known:
+                ground = body.motion.root_pos_m[rows][:, [0, 2]]
+                joints = body_pos_m(_frames(body.motion, rows))[..., [0, 2]] - ground[:, None]
+                known[id(body)] = ground, joints
+        radii = [
+            next((radius for name, radius in _RADII_M.items() if name in joint), _RADIUS_M)
+            for joint in BODY_JOINTS
+        ]
+        both = [known[id(body)] for body in bodies]
+        return cls(
+            bodies, times_s, rows, np.searchsorted(rows, at_knots), np.array([one[0] for one in both]),
+            np.array([one[1] for one in both]), np.array(radii),
+        )  # fmt: skip
+
+    def paths_m(self, places_m: Floats) -> Floats:
+        """The roots on the ground (N, T, 2) for places (K, N, 2)."""
+        return np.array(
+            [
+                self.ground_m[index]
+                + ground_shift_m(body.motion, body.contacts, self.times_s, places_m[:, index])[self.rows]
+                for index, body in enumerate(self.bodies)
+            ]
+        )
+
+    def too_near(self, paths_m: Floats) -> tuple[np.ndarray, float]:
+        """The knots (K,) beside which two bodies are too near, and the least gap in metres.
+
+        The gap is measured along the line between the roots, which bounds the true one from below.
+        """
+        near, least_m = np.zeros(len(self.times_s), bool), np.inf
+        for one, other in combinations(range(len(paths_m)), 2):
+            apart = paths_m[other] - paths_m[one]  # (T, 2)
+            distance = np.linalg.norm(apart, axis=-1)
+            towards = (apart / np.maximum(distance, 1e-9)[:, None])[:, :, None]  # (T, 2, 1)
+            reach = ((self.reach_m[one] @ towards)[..., 0] + self.radii_m).max(axis=1)
+            back = ((-self.reach_m[other] @ towards)[..., 0] + self.radii_m).max(axis=1)
+            gap = distance - reach - back
+            least_m = min(least_m, float(gap.min()))
+            short = np.flatnonzero(gap < LEAST_GAP_M + _MARGIN_M)
+            after = np.searchsorted(self.knot_rows, short, side="left").clip(0, len(near) - 1)
+            near[after] = True
+            near[np.maximum(after - 1, 0)] = True
+        return near, least_m
+
+    def hidden(self, paths_m: Floats, formation_m: Floats, most_s: float) -> Floats:
+        """The direction, -1, 0 or 1, in which each dancer steps aside at each knot (K, N)."""
+        eye = eye_of(formation_m.reshape(-1, 2))
+        away = eye[1] - paths_m[..., 1]  # (N, T)
+        seen = (paths_m[..., 0] - eye[0]) / away
+        aside = np.zeros(formation_m.shape[:2])
+        frame_s = np.gradient(self.rows / self.bodies[0].motion.fps) if len(self.rows) > 1 else np.zeros(1)
+        for dancer in range(len(paths_m)):
+            offset = (seen[dancer] - seen) * away[dancer]  # (N, T)
+            covers = (away < away[dancer] - _IN_FRONT_M) & (np.abs(offset) < _HIDDEN_M)
+            covered = covers.any(axis=0)
+            for first, stop in _spans(covered):
+                if frame_s[first:stop].sum() <= 0.75 * most_s:
+                    continue
+                side = np.sign(offset[covers][0]) or 1.0
+                knots = np.searchsorted(self.knot_rows, [first, stop]).clip(0, len(aside) - 1)
+                aside[max(0, knots[0] - 1) : knots[1] + 1, dancer] = side
+        return aside
+
+
+def _spans(on: np.ndarray) -> list[tuple[int, int]]:
+    """The first and the next index after each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def _frames(motion: Motion, rows: np.ndarray) -> Motion:
+    return Motion(motion.skeleton, motion.root_pos_m[rows], motion.local_quat[rows], motion.fps)

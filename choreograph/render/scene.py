@@ -1,0 +1,175 @@
+"""Renders the dancers of a scene: what each of them dances, and the way of each over the stage.
+
+A dancer's motion is made of parts of the dances of the scene. Then the body gets its height, and the dancer
+goes from place to place on the ground: slowly while both feet stand, and faster while one is in the air. Feet
+that stand remain in place, as in a single dance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from choreograph.core.counts import counts_later_s
+from choreograph.core.filters import gaussian_filter
+from choreograph.core.numerics import Floats
+from choreograph.core.timebase import NET_FPS, frame_times_s
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.contacts import foot_contacts
+from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.motion.mirroring import mirrored_motion
+from choreograph.motion.motion import Motion
+from choreograph.plan import Plan
+from choreograph.render.assembly import assemble
+from choreograph.render.rendering import with_dynamics
+from choreograph.render.runs import Run
+from choreograph.scene_plan import DancerPart, PlannedDancer, ScenePlan
+
+_STANDING_SHARE = 0.04  # of the speed over the ground, while both feet stand
+_MOBILE_EASE_S = 0.1  # standard deviation of the Gaussian that smooths whether they do
+_SAME_M = 1e-9
+
+
+def render_scene(plan: ScenePlan, dances: Sequence[Motion]) -> list[Motion]:
+    """The motion of each dancer of a scene from the motion of each of its dances."""
+    known: dict[tuple[DancerPart, ...], DancedParts] = {}
+    motions = []
+    for dancer in plan.dancers:
+        if dancer.parts not in known:
+            known[dancer.parts] = DancedParts.of(dancer.parts, dances, plan.dances[0])
+        motions.append(on_stage(known[dancer.parts], dancer))
+    return motions
+
+
+@dataclass(frozen=True, eq=False)
+class DancedParts:
+    """What a dancer dances, before it gets its height and its way over the stage."""
+
+    motion: Motion
+    contacts: Floats  # (T, 4) of its feet
+
+    @classmethod
+    def of(cls, parts: Sequence[DancerPart], dances: Sequence[Motion], plan: Plan) -> DancedParts:
+        """The parts of a dancer from the dances of a scene. `plan` is that of the leader's dance."""
+        motion = danced(parts, dances, plan)
+        return cls(motion, foot_contacts(body_pos_m(motion), motion.fps))
+
+
+def on_stage(parts: DancedParts, dancer: PlannedDancer) -> Motion:
+    """The motion of a dancer, with the height and the places of the plan."""
+    motion = of_height(parts.motion, dancer.height)
+    places_m = np.stack([dancer.x_m, dancer.z_m], axis=1)  # (K, 2)
+    way = ground_shift_m(motion, parts.contacts, np.array(dancer.times_s), places_m)
+    if np.ptp(way, axis=0).max() < _SAME_M:
+        return motion.moved(shift_m=np.array([way[0, 0], 0.0, way[0, 1]]))
+    root_pos_m = motion.root_pos_m.copy()
+    root_pos_m[:, [0, 2]] += way
+    moved = replace(motion, root_pos_m=root_pos_m)
+    return lock_feet(moved, parts.contacts, shift_s=DANCE_SHIFT_S)
+
+
+def of_height(motion: Motion, height: float) -> Motion:
+    """The motion on a body that is `height` times as tall, with steps of that length."""
+    if height == 1.0:
+        return motion
+    skeleton = motion.skeleton
+    sized = replace(skeleton, offsets_m=skeleton.offsets_m * height, tips_m=skeleton.tips_m * height)
+    return replace(motion, skeleton=sized, root_pos_m=motion.root_pos_m * height)
+
+
+def ground_shift_m(motion: Motion, contacts: Floats, times_s: Floats, places_m: Floats) -> Floats:
+    """The shift (T, 2) on the ground with which the root is at `places_m` (K, 2) at the times (K,).
+
+    Between two times, the shift changes in proportion to how free the feet are, with `contacts` (T, 4).
+    """
+    frames = np.clip(np.round(times_s * motion.fps).astype(np.int64), 0, motion.n_frames - 1)
+    shift_m = places_m - motion.root_pos_m[frames][:, [0, 2]]  # (K, 2)
+    way = np.empty((motion.n_frames, 2))
+    way[: frames[0]], way[frames[-1] :] = shift_m[0], shift_m[-1]
+    free = _freedom(contacts, motion.fps)
+    for index, (first, stop) in enumerate(pairwise(frames.tolist())):
+        if first == stop:
+            continue
+        done = np.concatenate([[0.0], np.cumsum(free[first:stop])])
+        share = done[:-1] / done[-1]
+        eased = share * share * (3.0 - 2.0 * share)
+        way[first:stop] = shift_m[index] + eased[:, None] * (shift_m[index + 1] - shift_m[index])
+    return way
+
+
+def _freedom(contacts: Floats, fps: float) -> Floats:
+    """How fast a body may be moved over the ground at each frame (T,): slowly while both feet stand."""
+    standing = np.maximum(contacts[:, ::2], contacts[:, 1::2])  # (T, 2) of each foot
+    free = _STANDING_SHARE + (1.0 - standing[:, 0] * standing[:, 1])
+    return gaussian_filter(free, _MOBILE_EASE_S * fps)
+
+
+# What a dancer dances, joined as the takes of a dance are.
+
+
+def danced(parts: Sequence[DancerPart], dances: Sequence[Motion], plan: Plan) -> Motion:
+    """The motion of the parts of a dancer. `plan` is that of the leader's dance, with the counts."""
+    first = parts[0]
+    if len(parts) == 1 and not (first.delay_counts or first.held) and first.size == 1.0:
+        motion = dances[first.dance]
+        return mirrored_motion(motion) if first.mirrored else motion
+
+    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
+        motion = dances[int(take)]
+        begin = max(0, int(start_s * motion.fps) - _BESIDE_FRAMES)
+        end = min(motion.n_frames, int(stop_s * motion.fps) + _BESIDE_FRAMES)
+        return motion.sliced(min(begin, end - 2), end), min(begin, end - 2) / motion.fps
+
+    fps, last = dances[0].fps, parts[-1]
+    made, joins = assemble(
+        _runs(parts, plan), read, fps=fps, duration_s=plan.duration_s, blending="inertial", stage="free"
+    )
+    opening_s = float(counts_later_s(plan.music_beats_s, plan.opening_s, first.delay_counts))
+    as_danced = replace(
+        plan,
+        opening_s=opening_s if first.delay_counts else 0.0,
+        closing_s=plan.closing_s if last.delay_counts or last.held else None,
+        stops_s=tuple((part.start_s, part.end_s) for part in parts if part.held),
+        amplitudes=_sizes(parts, plan.duration_s),
+    )
+    motion = with_dynamics(made, joins, as_danced)
+    missing = dances[0].n_frames - motion.n_frames
+    return motion if missing <= 0 else _of_frames(motion, dances[0].n_frames)
+
+
+_BESIDE_FRAMES = 64  # for splines, in which the effect of a frame falls to a quarter with every other one
+
+
+def _of_frames(motion: Motion, n_frames: int) -> Motion:
+    return motion.sampled(np.arange(n_frames, dtype=np.float64))
+
+
+def _runs(parts: Sequence[DancerPart], plan: Plan) -> list[Run]:
+    """A run for each part. A part that is held stays at the last time of the part before it."""
+    runs: list[Run] = []
+    for part in parts:
+        n_knots = max(2, round((part.end_s - part.start_s) * NET_FPS)) + 1
+        times_s = np.linspace(part.start_s, part.end_s, n_knots)
+        if part.held:
+            at_s = runs[-1].source_times_s[-1] if runs else 0.0
+            source_s = np.full(n_knots, at_s)
+        elif part.delay_counts:
+            before_s = counts_later_s(plan.music_beats_s, times_s, -part.delay_counts)
+            source_s = np.clip(before_s, 0.0, plan.duration_s)
+        else:
+            source_s = times_s
+        runs.append(Run(str(part.dance), part.start_s, part.end_s, source_s, mirrored=part.mirrored))
+    return runs
+
+
+def _sizes(parts: Sequence[DancerPart], duration_s: float) -> tuple[float, ...]:
+    """The size of the movement in each second, none if all are 1."""
+    if all(part.size == 1.0 for part in parts):
+        return ()
+    middles_s = frame_times_s(int(np.ceil(duration_s)), 1.0) + 0.5
+    ends_s = [part.end_s for part in parts]
+    at = np.minimum(np.searchsorted(ends_s, middles_s, side="right"), len(parts) - 1)
+    return tuple(parts[index].size for index in at.tolist())

@@ -1,0 +1,175 @@
+"""`ScenePlan`: the dances of a scene, who dances which of them when, and the places on the stage, as JSON."""
+
+from __future__ import annotations
+
+import json
+import reprlib
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from choreograph.core.arguments import fields_of_json
+from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import as_path, read_text
+from choreograph.core.progress import counted
+from choreograph.plan import Plan
+
+FORMAT = "choreograph-scene"
+VERSION = 1
+MOST_DANCERS = 32
+HEIGHTS = 0.5, 2.0  # the least and the greatest of a dancer, relative to the body of the repertoire
+SIZES = 0.0, 1.5  # the least and the greatest of a movement
+_AGAIN = "make the scene again with `choreograph scene`"
+_TOUCH_S = 1e-3  # parts of a dancer that are no further apart follow one another
+
+
+@dataclass(frozen=True)
+class DancerPart:
+    """What a dancer does in a span of the song: one of the dances, from there on or some counts behind."""
+
+    start_s: float  # in the scene
+    end_s: float  # of the span
+    dance: int  # index of the dance in the scene
+    delay_counts: int = 0  # counts by which the dancer is behind the dance
+    mirrored: bool = False  # left and right are exchanged
+    size: float = 1.0  # of the movement, 1 for that of the dance
+    held: bool = False  # the pose at the start is held
+
+
+@dataclass(frozen=True)
+class PlannedDancer:
+    """One dancer of a scene: the parts that are danced, and the places on the stage."""
+
+    name: str  # unique in the scene
+    height: float  # of the body, relative to that of the repertoire
+    parts: tuple[DancerPart, ...]  # in order of time, without a gap
+    times_s: tuple[float, ...]  # at which the dancer is to be at a place
+    x_m: tuple[float, ...]  # of the places, to the side: +X is the dancers' left
+    z_m: tuple[float, ...]  # of the places, towards the audience
+
+
+@dataclass(frozen=True)
+class ScenePlan:
+    """The decisions of a scene, which `choreograph scene --plan` renders again.
+
+    Raises `ParameterError` if a field is of another type.
+
+    Examples
+    --------
+    >>> plan = cg.scene(cg.example_songs()["house"], dancers=2, duration_s=8).plan
+    >>> plan
+    <ScenePlan: 2 dancers, 1 dance, 8.0 s>
+    >>> cg.ScenePlan.from_json(plan.to_json()) == plan
+    True
+    """
+
+    dances: tuple[Plan, ...]  # of which the first one is that of the leader
+    dancers: tuple[PlannedDancer, ...]  # the leader first
+
+    def __repr__(self) -> str:
+        dancers, dances = counted(len(self.dancers), "dancer"), counted(len(self.dances), "dance")
+        return f"<ScenePlan: {dancers}, {dances}, {self.duration_s:.1f} s>"
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the scene in seconds."""
+        return self.dances[0].duration_s
+
+    def to_json(self) -> str:
+        """The plan as JSON text, as specified in `data_schema/scene.schema.json`."""
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "dancers": [_entry(dancer) for dancer in self.dancers],
+            "dances": [json.loads(plan.to_json()) for plan in self.dances],
+        }
+        return json.dumps(data, indent=1) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str, *, name: str = "scene") -> ScenePlan:
+        """Read a plan. `FormatError` names the key that is missing, unknown or of the wrong type."""
+        if not isinstance(text, str):
+            raise ParameterError(f"expected a plan of a scene as text, got {reprlib.repr(text)}")
+        try:
+            data = json.loads(text)
+        except (ValueError, RecursionError) as error:
+            raise FormatError(f"{name}: expected a plan of a scene (JSON), could not parse it: {error}") from None
+        if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
+            raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got {reprlib.repr(data)}")
+        if set(data) != {"format", "version", "dancers", "dances"}:
+            raise FormatError(f"{name}: expected the keys dancers and dances, got {', '.join(sorted(data))}")
+        for key in ("dancers", "dances"):
+            if not isinstance(data[key], list) or not 1 <= len(data[key]) <= MOST_DANCERS:
+                raise FormatError(f"{name}: expected 1 to {MOST_DANCERS} {key}, got {reprlib.repr(data[key])}")
+        dances = tuple(
+            Plan.from_json(json.dumps(entry), name=f"{name}: dance {index}")
+            for index, entry in enumerate(data["dances"])
+        )
+        dancers = tuple(
+            _read_dancer(entry, f"{name}: dancer {index}") for index, entry in enumerate(data["dancers"])
+        )
+        plan = cls(dances, dancers)
+        for fault in plan._faults():
+            raise FormatError(f"{name}: {fault}")
+        return plan
+
+    @classmethod
+    def read(cls, path: str | Path) -> ScenePlan:
+        """Read a plan file. Raises `FormatError` if it is missing or not the plan of a scene."""
+        return cls.from_json(read_text(as_path("a plan of a scene", path), "a plan file"), name=str(path))
+
+    def _faults(self) -> Iterator[str]:
+        """The faults of the plan, one line each."""
+        first = self.dances[0]
+        for plan in self.dances[1:]:
+            if (plan.duration_s, plan.fps, plan.start_s) != (first.duration_s, first.fps, first.start_s):
+                yield "expected dances of one length and rate to one part of a song, got different ones"
+        names = [dancer.name for dancer in self.dancers]
+        if len(set(names)) < len(names):
+            yield f"expected dancers of different names, got {reprlib.repr(names)}"
+        for index, dancer in enumerate(self.dancers):
+            for fault in self._faults_of(dancer):
+                yield f"dancer {index}: {fault}"
+
+    def _faults_of(self, dancer: PlannedDancer) -> Iterator[str]:
+        """The faults of one dancer."""
+        if not HEIGHTS[0] <= dancer.height <= HEIGHTS[1]:
+            yield f"expected a height from {HEIGHTS[0]:g} to {HEIGHTS[1]:g}, got {dancer.height:g}"
+        n_places = len(dancer.times_s)
+        if not n_places == len(dancer.x_m) == len(dancer.z_m) or not n_places:
+            yield f"expected a time, an x and a z of each place, got {n_places} times"
+        if any(after <= before for before, after in pairwise((-1.0, *dancer.times_s))):
+            yield f"expected increasing times_s of 0 or more, got {reprlib.repr(dancer.times_s)}"
+        done_s = 0.0
+        for part in dancer.parts:
+            if abs(part.start_s - done_s) > _TOUCH_S or part.end_s <= part.start_s:
+                yield f"expected a part from {done_s:g} s on, got {part.start_s:g} to {part.end_s:g} s"
+            if part.dance >= len(self.dances):
+                yield f"expected one of {counted(len(self.dances), 'dance')}, got dance {part.dance}"
+            if not SIZES[0] <= part.size <= SIZES[1]:
+                yield f"expected a size from {SIZES[0]:g} to {SIZES[1]:g}, got {part.size:g}"
+            done_s = part.end_s
+        if abs(done_s - self.duration_s) > _TOUCH_S:
+            yield f"expected parts until {self.duration_s:g} s, got parts until {done_s:g} s"
+
+
+def _entry(entry: Any) -> dict[str, Any]:
+    """A dancer or one of its parts as JSON data."""
+    values = {field.name: getattr(entry, field.name) for field in fields(entry)}
+    if "parts" in values:
+        values["parts"] = [_entry(part) for part in values["parts"]]
+    return values
+
+
+def _read_dancer(data: Any, where: str) -> PlannedDancer:
+    known = fields_of_json(PlannedDancer, data, where, missing=_AGAIN, except_for=("parts",))
+    parts = data.get("parts")
+    if not isinstance(parts, list) or not parts:
+        raise FormatError(f"{where}: expected a list of parts, got {reprlib.repr(parts)}")
+    read = (
+        fields_of_json(DancerPart, part, f"{where}: part {index}", missing=_AGAIN)
+        for index, part in enumerate(parts)
+    )
+    return PlannedDancer(**known, parts=tuple(DancerPart(**part) for part in read))
