@@ -24,7 +24,10 @@ LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground
 _MARGIN_M = 0.02  # for what the locking of feet changes
 SPACING_M = 1.8  # of neighbours in a formation, at least
 _WIDER = 1.04  # a formation, where two bodies are too near
+_PUSH_M = 0.06  # on the way to another formation, in each pass
+_MOST_PUSH_M = 0.1  # by several dancers
 _MOST_PASSES = 150
+_PUSHING_PASSES = 40  # before formations are made wider as well
 _WANDER_M = 1.2  # from the middle of the stage, of all dancers together
 _LEFT_M = 0.06  # a dancer who is so near to the place is not corrected
 _PLAN_FPS = 12.0  # at which bodies are compared
@@ -51,6 +54,7 @@ class Knot:
     places: Floats  # (N, 2) of the formation, in the order of its places
     in_metres: bool  # or in spacings
     same: bool = True  # as the formation before, in which each dancer keeps its place
+    on_way: bool = False  # half-way to the next formation: only there to keep dancers apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,31 +75,84 @@ def plan_paths(
     If `symmetric`, dancers left and right of the axis remain mirror images. `hidden_s` is how long a dancer
     may be hidden from the audience.
     """
-    n = len(bodies)
-    crowd = _Crowd.of(bodies, np.array([knot.time_s for knot in knots]))
+    n, crowd = len(bodies), _Crowd.of(bodies, np.array([knot.time_s for knot in knots]))
     order = _order(knots, symmetric)  # (K, N) places of dancers
-    scale, aside_m = np.ones(len(knots)), np.zeros((len(knots), n))
-    base = [SPACING_M * (1.0 if n > 1 else 0.0) if not knot.in_metres else 1.0 for knot in knots]
+    at_knots_m = crowd.ground_m[:, crowd.knot_rows].transpose(1, 0, 2)  # (K, N, 2)
+    layout = _Layout(knots, order, np.ones(len(knots)), np.zeros((len(knots), n, 2)))
     common_m = _common_path_m(crowd, symmetric)
-    for _ in range(_MOST_PASSES):
-        formation_m = np.empty((len(knots), n, 2))
-        for index, knot in enumerate(knots):
-            whole = knot.places * base[index] * scale[index]
-            formation_m[index] = (whole if knot.in_metres else in_windows(whole))[order[index]]
-        formation_m[..., 0] += aside_m
+    for done in range(_MOST_PASSES):
+        formation_m = layout.places_m()
         wanted_m = formation_m + common_m[:, None]
-        places_m = _nearly(wanted_m, crowd.ground_m[:, crowd.knot_rows].transpose(1, 0, 2))
+        places_m = _nearly(wanted_m, at_knots_m)
         paths_m = crowd.paths_m(places_m)  # (N, T, 2)
-        near, gap_m = crowd.too_near(paths_m)
-        if near.any():
-            scale[near] *= _WIDER
+        conflicts, gap_m = crowd.conflicts(paths_m)
+        if conflicts:
+            layout.resolve(conflicts, symmetric=symmetric, wider=done >= _PUSHING_PASSES)
             continue
         hidden = crowd.hidden(paths_m, formation_m, hidden_s)
         if not hidden.any() or symmetric:
             break
-        aside_m += hidden * _ASIDE_M
+        layout.aside_m[..., 0] += hidden * _ASIDE_M
+    scale = layout.scale
     in_metres = np.array([knot.in_metres for knot in knots])
     return StagePaths(places_m, wanted_m, gap_m, float(np.max(scale[in_metres], initial=1.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Conflict:
+    """Two dancers who are too near to each other before a knot."""
+
+    one: int
+    other: int
+    knot: int  # the knot that follows
+    towards: Floats  # (2,) direction from the one to the other
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """The places of a formation at each knot, how wide they are, and steps aside."""
+
+    knots: Sequence[Knot]
+    order: np.ndarray  # (K, N) place of each dancer
+    scale: Floats  # (K,) of the formations
+    aside_m: Floats  # (K, N, 2)
+
+    def places_m(self) -> Floats:
+        """The places (K, N, 2) of the dancers."""
+        places = np.empty(self.aside_m.shape)
+        for index, knot in enumerate(self.knots):
+            if knot.in_metres:
+                places[index] = (knot.places * self.scale[index])[self.order[index]]
+            else:
+                places[index] = in_windows(knot.places * SPACING_M * self.scale[index])[self.order[index]]
+        for index, knot in enumerate(self.knots):
+            if knot.on_way:
+                places[index] = 0.5 * (places[index - 1] + places[index + 1])
+        places += self.aside_m
+        return places
+
+    def resolve(self, conflicts: Sequence[_Conflict], *, symmetric: bool, wider: bool) -> None:
+        """Push dancers apart on their way to another formation, and make formations wider elsewhere.
+
+        With `wider`, formations beside a way are made wider as well.
+        """
+        pushed_m, widened = np.zeros(self.aside_m.shape), np.zeros(len(self.knots), bool)
+        for conflict in conflicts:
+            beside = {conflict.knot, max(conflict.knot - 1, 0)}
+            on_way = [index for index in beside if self.knots[index].on_way]
+            for index in on_way:
+                pushed_m[index, conflict.one] -= _PUSH_M * conflict.towards
+                pushed_m[index, conflict.other] += _PUSH_M * conflict.towards
+            if wider or not on_way:
+                widened[list(beside)] = True
+        if symmetric:
+            on_axis = self.aside_m.shape[1] % 2
+            right, left = pushed_m[:, on_axis::2], pushed_m[:, on_axis + 1 :: 2]
+            mean = 0.5 * (right + left * [-1.0, 1.0])
+            pushed_m[:, on_axis::2], pushed_m[:, on_axis + 1 :: 2] = mean, mean * [-1.0, 1.0]
+            pushed_m[:, :on_axis, 0] = 0.0
+        self.aside_m[...] += pushed_m.clip(-_MOST_PUSH_M, _MOST_PUSH_M)
+        self.scale[widened] *= _WIDER
 
 
 def _order(knots: Sequence[Knot], symmetric: bool) -> np.ndarray:
@@ -196,25 +253,28 @@ class _Crowd:
             ]
         )
 
-    def too_near(self, paths_m: Floats) -> tuple[np.ndarray, float]:
-        """The knots (K,) beside which two bodies are too near, and the least gap in metres.
+    def conflicts(self, paths_m: Floats) -> tuple[list[_Conflict], float]:
+        """Where two bodies are nearest in each span between knots, if too near, and the least gap in metres.
 
         The gap is measured along the line between the roots, which bounds the true one from below.
         """
-        near, least_m = np.zeros(len(self.times_s), bool), np.inf
+        found, least_m = [], np.inf
+        span = np.searchsorted(self.knot_rows, np.arange(len(self.rows)), side="left")
+        span = span.clip(0, len(self.times_s) - 1)
         for one, other in combinations(range(len(paths_m)), 2):
             apart = paths_m[other] - paths_m[one]  # (T, 2)
             distance = np.linalg.norm(apart, axis=-1)
-            towards = (apart / np.maximum(distance, 1e-9)[:, None])[:, :, None]  # (T, 2, 1)
-            reach = ((self.reach_m[one] @ towards)[..., 0] + self.radii_m).max(axis=1)
-            back = ((-self.reach_m[other] @ towards)[..., 0] + self.radii_m).max(axis=1)
+            towards = apart / np.maximum(distance, 1e-9)[:, None]
+            reach = ((self.reach_m[one] @ towards[:, :, None])[..., 0] + self.radii_m).max(axis=1)
+            back = ((-self.reach_m[other] @ towards[:, :, None])[..., 0] + self.radii_m).max(axis=1)
             gap = distance - reach - back
             least_m = min(least_m, float(gap.min()))
             short = np.flatnonzero(gap < LEAST_GAP_M + _MARGIN_M)
-            after = np.searchsorted(self.knot_rows, short, side="left").clip(0, len(near) - 1)
-            near[after] = True
-            near[np.maximum(after - 1, 0)] = True
-        return near, least_m
+            for knot in np.unique(span[short]).tolist():
+                worst = short[span[short] == knot]
+                row = int(worst[np.argmin(gap[worst])])
+                found.append(_Conflict(one, other, knot, towards[row]))
+        return found, least_m
 
     def hidden(self, paths_m: Floats, formation_m: Floats, most_s: float) -> Floats:
         """The direction, -1, 0 or 1, in which each dancer steps aside at each knot (K, N)."""

@@ -36,7 +36,7 @@ from choreograph.scene_plan import MOST_DANCERS, DancerPart, PlannedDancer, Scen
 from choreograph.settings import DanceConfig, DanceSettings, as_config
 
 _HEIGHTS = (1.0, 0.96, 1.04, 0.98, 1.02, 0.94)  # of the bodies of pairs, from the leader's on
-_CHANGE_COUNTS = 8  # before a border, in which dancers go to another formation
+_CHANGE_COUNTS = 12  # before a border, in which dancers go to another formation
 _SHORTEST_S = 2.0  # between two times at which dancers are at places
 _HIDDEN_BARS = 2
 _USUAL_BAR_S = 2.0  # of a song without bars
@@ -326,6 +326,7 @@ def _knots(
             leaves_s = float(counts_later_s(beats_s, time_s, -_CHANGE_COUNTS))
             if leaves_s > knots[-1].time_s + _SHORTEST_S:
                 knots.append(Knot(leaves_s, *places[before]))
+            knots.append(Knot(0.5 * (knots[-1].time_s + time_s), *places[before], on_way=True))
         knots.append(Knot(time_s, *places[name], same=name == before))
     if end_s - knots[-1].time_s > _SHORTEST_S:
         knots.append(Knot(end_s, *places[formed[-1]]))
