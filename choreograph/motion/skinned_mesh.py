@@ -27,6 +27,27 @@ _PALETTE = {
     "left_leg": "#d98a5c", "right_leg": "#5b95ae", "left_shoe": "#dad0c6", "right_shoe": "#cbd0d2",
     "extra": "#9a9aa6",
 }  # fmt: skip
+# Of further dancers of a scene, in place of the colours above, in turn.
+_OUTFITS = (
+    {"torso": "#7a3b4c", "pelvis": "#4b2a36", "left_arm": "#e0b35a", "right_arm": "#8f8bd0",
+     "left_leg": "#c79545", "right_leg": "#6c68ad", "hair": "#2b2320"},
+    {"torso": "#2f6b5b", "pelvis": "#27483f", "left_arm": "#e88f8a", "right_arm": "#74c0a4",
+     "left_leg": "#c86f6d", "right_leg": "#4f9a80", "hair": "#8a5a32", "head": "#c99670",
+     "left_hand": "#c99670", "right_hand": "#c99670"},
+    {"torso": "#8a6a2f", "pelvis": "#5a4625", "left_arm": "#d9a0c8", "right_arm": "#9dbb6a",
+     "left_leg": "#b577a2", "right_leg": "#77964a", "hair": "#1f1d22", "head": "#8d5f43",
+     "left_hand": "#8d5f43", "right_hand": "#8d5f43"},
+    {"torso": "#5a4a86", "pelvis": "#3d3460", "left_arm": "#f0c078", "right_arm": "#6fb6bd",
+     "left_leg": "#d19a4f", "right_leg": "#4c8f97", "hair": "#b58a4e"},
+    {"torso": "#a04f2e", "pelvis": "#5e3423", "left_arm": "#e7d2a0", "right_arm": "#7f9fd6",
+     "left_leg": "#bfa56c", "right_leg": "#5c79b0", "hair": "#3a2a22", "head": "#b98058",
+     "left_hand": "#b98058", "right_hand": "#b98058"},
+    {"torso": "#3d6f94", "pelvis": "#2c4d67", "left_arm": "#ef9a6a", "right_arm": "#c3b3dd",
+     "left_leg": "#cc7847", "right_leg": "#9482b8", "hair": "#6b4a35"},
+    {"torso": "#5f7a3a", "pelvis": "#425529", "left_arm": "#d98888", "right_arm": "#86c7cf",
+     "left_leg": "#b46565", "right_leg": "#5aa0aa", "hair": "#22201f", "head": "#6f4a35",
+     "left_hand": "#6f4a35", "right_hand": "#6f4a35"},
+)  # fmt: skip
 _THICKEST_EXTRA_M = 0.010  # bones that belong to no known body part, on a 1.70 m body
 _SHORTEST_BONE_M = 0.01  # a shorter one is not drawn
 
@@ -55,6 +76,13 @@ class SkinnedMesh:
     palette: NDArray[np.float32]  # (len(PARTS), 3) sRGB colour of each part, 0 to 1
     bind_pos_m: Floats  # (J, 3) joints' positions in the bind pose
     bind_quat: Floats  # (J, 4) joints' world rotations in the bind pose, wxyz
+
+
+def palette_of(dancer: int) -> NDArray[np.float32]:
+    """The sRGB colours (len(PARTS), 3), 0 to 1, of a dancer of a scene. The first one has the usual ones."""
+    named = _PALETTE | (_OUTFITS[(dancer - 1) % len(_OUTFITS)] if dancer else {})
+    colours = [[int(named[part][i : i + 2], 16) / 255 for i in (1, 3, 5)] for part in PARTS]
+    return np.array(colours, np.float32)
 
 
 def build_mannequin(skeleton: Skeleton, motion: Motion | None = None) -> SkinnedMesh:
@@ -141,7 +169,6 @@ def _merged_mesh(pieces: list[Piece], pos_m: Floats, quat: Floats) -> SkinnedMes
     corners = np.stack([triangles.ravel(), np.repeat(parts, 3)], axis=1)  # (3 F, 2)
     unique, corner_index = np.unique(corners, axis=0, return_inverse=True)
     keep = unique[:, 0]
-    colours = [[int(_PALETTE[part][i : i + 2], 16) / 255 for i in (1, 3, 5)] for part in PARTS]
     return SkinnedMesh(
         vertices_m=vertices[keep].astype(np.float32),
         normals=normals[keep].astype(np.float32),
@@ -149,7 +176,7 @@ def _merged_mesh(pieces: list[Piece], pos_m: Floats, quat: Floats) -> SkinnedMes
         joints=np.concatenate([piece.joints for piece in pieces])[keep].astype(np.int32),
         weights=np.concatenate([piece.weights for piece in pieces])[keep].astype(np.float32),
         parts=unique[:, 1].astype(np.int32),
-        palette=np.array(colours, np.float32),
+        palette=palette_of(0),
         bind_pos_m=pos_m,
         bind_quat=quat,
     )

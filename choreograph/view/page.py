@@ -13,6 +13,7 @@ The page has a read-only state for scripts, `window.choreograph`:
 - frame, fps, framesDrawn, and pixelScale, which is below 1 on slow machines
 - playing, speed, loop {on, from, to}, mirrored, following
 - take, the name of the current take, and count, the current {bar, number} or null
+- dancers, for each dancer of a scene its `joints`
 - joints, J positions [x, y, z] in metres, as in `motion.joint_pos_m()`, or those of the bones of the
   character that are known, in canonical order
 """
@@ -71,6 +72,7 @@ def write_page(
     duration_s: float | None = None,
     title: str | None = None,
     character: PageCharacter | None = None,
+    others: Sequence[Motion] = (),
     report: StepReport | None = None,
 ) -> None:
     """Write the dance as one self-contained HTML file. The same dance gives the same bytes.
@@ -85,6 +87,7 @@ def write_page(
     duration_s : seconds to show from the start. None shows the whole motion
     title : heading of the page. None uses the name of the song
     character : the character that dances. None uses the mannequin
+    others : further dancers of a scene on mannequins, with the length and the skeleton of `motion`
     report : called with the steps that are done and their total
 
     Raises
@@ -100,9 +103,9 @@ def write_page(
     duration_s = _checked_duration(motion, plan, duration_s)
     start_s = plan.start_s if start_s is None else start_s
     if character is None:
-        body = mannequin_body(
-            motion.sliced(0, min(motion.n_frames, int(np.ceil(duration_s * motion.fps)) + 1))
-        )
+        end = int(np.ceil(duration_s * motion.fps)) + 1
+        shown_motions = [one.sliced(0, min(one.n_frames, end)) for one in (motion, *others)]
+        body = mannequin_body(shown_motions[0], shown_motions[1:])
     else:
         body = character_body(character, motion.fps)
     if report is not None:

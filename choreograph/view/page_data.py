@@ -20,7 +20,7 @@ from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
-from choreograph.motion.skinned_mesh import SkinnedMesh, build_mannequin
+from choreograph.motion.skinned_mesh import SkinnedMesh, build_mannequin, palette_of
 
 # Compression of motion and mesh. `page/decompress.js` is the decoder.
 #
@@ -171,11 +171,15 @@ class PageBody:
     sources: str = ""  # added to the page's security policy
 
 
-def mannequin_body(motion: Motion) -> PageBody:
-    """The mannequin: its mesh and the compressed motion."""
-    compressed = compress_motion(motion)
+def mannequin_body(motion: Motion, others: Sequence[Motion] = ()) -> PageBody:
+    """The mannequin: its mesh and the compressed motion, and those of `others` in a scene.
+
+    The others have the skeleton of the first one, of any size.
+    """
+    most = _MAX_MOTION_BYTES // (1 + len(others))
+    compressed = compress_motion(motion, max_bytes=most)
     mesh, mesh_layout = compress_mesh(build_mannequin(motion.skeleton, motion))
-    facts = {
+    facts: dict[str, Any] = {
         "fps": compressed.fps,
         "frames": compressed.n_frames,
         "root_step_m": compressed.root_step_m,
@@ -186,8 +190,33 @@ def mannequin_body(motion: Motion) -> PageBody:
         "offsets_m": np.round(motion.skeleton.offsets_m, 6).tolist(),
         "mesh": mesh_layout,
     }
-    scripts = ("skeleton.js", "skin.js", "renderer.js", "main.js")
-    return PageBody(facts, {"motion": compressed.text, "mesh": mesh}, scripts)
+    data = {"motion": compressed.text, "mesh": mesh}
+    for number, other in enumerate(others, start=2):
+        own = compress_motion(other, max_bytes=most)
+        data[f"motion-{number}"] = own.text
+        facts.setdefault("others", []).append(_other_facts(own, other, number - 1, motion, mesh_layout))
+    scripts = ("skeleton.js", "crowd.js", "skin.js", "renderer.js", "main.js")
+    return PageBody(facts, data, scripts)
+
+
+def _other_facts(
+    compressed: CompressedMotion, other: Motion, dancer: int, first: Motion, layout: dict[str, Any]
+) -> dict[str, Any]:
+    """What differs between another dancer of a scene and the first one."""
+    size = float(np.abs(other.skeleton.offsets_m).sum() / np.abs(first.skeleton.offsets_m).sum())
+    mesh = layout | {
+        "step_m": layout["step_m"] * size,
+        "bind_pos_m": np.round(np.array(layout["bind_pos_m"]) * size, 6).tolist(),
+        "palette": np.round(palette_of(dancer), 4).tolist(),
+    }
+    return {
+        "fps": compressed.fps,
+        "frames": compressed.n_frames,
+        "root_step_m": compressed.root_step_m,
+        "root_origin_m": compressed.root_origin_m,
+        "offsets_m": np.round(other.skeleton.offsets_m, 6).tolist(),
+        "mesh": mesh,
+    }
 
 
 def character_body(character: PageCharacter, fps: float) -> PageBody:

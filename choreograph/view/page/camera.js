@@ -22,6 +22,7 @@ export class Camera {
     this.dancer = dancer;
     this.height = dancer.height();
     this.stage = dancer.path.stage();
+    this.spread = dancer.spread ?? 0; // of several dancers to each side, metres
   }
 
   reset() {
@@ -52,7 +53,7 @@ export class Camera {
     const stands = this.dancer.path.at(timeS);
     const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
     const tall = this.height * 0.62;
-    const wide = this.height * 0.52 + this.stage.radius * (1 - eased);
+    const wide = this.height * 0.52 + this.stage.radius * (1 - eased) + this.spread;
     const tan = Math.tan(FOV_Y / 2);
     const far = Math.max(tall / tan, wide / (tan * aspect)) + this.stage.radius * 0.6 * (1 - eased);
     const distance = far / this.closeness;
@@ -64,9 +65,9 @@ export class Camera {
       target[1] + Math.sin(this.pitch) * distance,
       z + Math.cos(this.yaw) * flat,
     ];
-    const projection = perspective(FOV_Y, aspect, 0.05, 60);
+    const projection = perspective(FOV_Y, aspect, 0.05, 60 + 10 * this.spread);
     if (this.mirrored) projection[0] = -projection[0];
-    const floorRadius = FLOOR_RADIUS_M + this.stage.radius * (1 - eased);
+    const floorRadius = FLOOR_RADIUS_M + this.stage.radius * (1 - eased) + this.spread;
     return { eye, target, matrix: multiplyMatrices(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
   }
 }

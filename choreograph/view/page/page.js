@@ -102,6 +102,10 @@ class Page {
       get shownTo() { return Math.min(dance.duration_s, page.timeline.fromS + page.timeline.shownS); },
       get take() { return page.source(player.time).name; },
       get count() { return page.counts.at(player.time); },
+      get dancers() {
+        dancer.pose(player.time);
+        return (dancer.dancers ?? [dancer]).map(({ positions }) => dance.names.map((_, j) => Array.from(positions.subarray(3 * j, 3 * j + 3))));
+      },
       get joints() {
         dancer.pose(player.time);
         return dance.names.map((_, j) => Array.from(dancer.positions.subarray(3 * j, 3 * j + 3)));

@@ -1,4 +1,4 @@
-// Draws the dancer on the floor with WebGL 2: one skinned mesh, its shadow, a disc.
+// Draws the dancer, or several, on the floor with WebGL 2: a skinned mesh and a shadow each, a disc.
 
 import { clamp, normalized } from "./math.js";
 import { Resolution, openWebgl } from "./resolution.js";
@@ -18,7 +18,7 @@ const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
 const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
 
 export class Renderer {
-  // A renderer on a canvas, or null in a browser without WebGL 2.
+  // A renderer on a canvas, or null in a browser without WebGL 2. mesh: that of the dancer, or a list for several.
   static open(canvas, mesh) {
     const resolution = new Resolution(canvas), gl = openWebgl(canvas, resolution);
     return gl && new Renderer(gl, resolution, mesh);
@@ -26,8 +26,8 @@ export class Renderer {
 
   constructor(gl, resolution, mesh) {
     const { canvas } = gl;
-    Object.assign(this, { gl, canvas, resolution, mesh });
-    this.skin = new Skin(mesh);
+    Object.assign(this, { gl, canvas, resolution });
+    this.bodies = [mesh].flat().map((one) => ({ mesh: one, skin: new Skin(one) }));
     this.rim = [0.3, 0.3, 0.3];
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
@@ -36,34 +36,39 @@ export class Renderer {
 
   // Sets the dancer to draw, and a key light from the side of the audience.
   show(dancer) {
-    this.dancer = dancer;
+    this.dancers = dancer.dancers ?? [dancer];
     const [x, z] = [Math.sin(KEY_SIDE_RAD), Math.cos(KEY_SIDE_RAD)];
     this.light = normalized([x, LIGHT_HEIGHT, z]);
     this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light with short shadows
   }
 
   #build() {
-    const { gl, mesh, skin } = this;
-    this.bodies = { fine: program(gl, ...bodyShaders(true)), quick: program(gl, ...bodyShaders(false)) };
+    const { gl } = this;
+    this.surfaces = { fine: program(gl, ...bodyShaders(true)), quick: program(gl, ...bodyShaders(false)) };
     this.shadow = program(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
     this.blur = program(gl, BLUR_VERTEX, BLUR_FRAGMENT);
     this.floor = program(gl, GROUND_VERTEX, FLOOR_FRAGMENT);
     this.shade = program(gl, GROUND_VERTEX, SHADE_FRAGMENT);
-    this.skinned = gl.createVertexArray();
-    gl.bindVertexArray(this.skinned);
-    this.buffers = {
-      places: attribute(gl, "aPlace", skin.places, 3, gl.FLOAT),
-      normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
-    };
-    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
+    for (const body of this.bodies) this.#upload(body);
     const angles = Array.from({ length: RIM_POINTS }, (_, i) => (2 * Math.PI * i) / RIM_POINTS);
     this.disc = shape(gl, angles.flatMap((angle) => [Math.cos(angle), Math.sin(angle)]));
     this.square = shape(gl, [-1, -1, 1, -1, 1, 1, -1, 1]);
     this.empty = gl.createVertexArray();
     this.shades = [0, 1].map(() => target(gl, SHADOW_SIZE));
     this.readColours();
+  }
+
+  #upload(body) {
+    const { gl } = this, { mesh, skin } = body;
+    body.skinned = gl.createVertexArray();
+    gl.bindVertexArray(body.skinned);
+    body.buffers = {
+      places: attribute(gl, "aPlace", skin.places, 3, gl.FLOAT),
+      normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
+    };
+    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
   }
 
   readColours() {
@@ -83,20 +88,25 @@ export class Renderer {
   draw(view) {
     const { gl } = this;
     this.last = view;
-    this.skin.pose(this.dancer.skin);
-    for (const name of ["places", "normals"]) {
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[name]);
-      gl.bufferSubData(gl.ARRAY_BUFFER, 0, this.skin[name]);
-    }
-    const p = this.dancer.positions;
-    const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
-    this.#drawShadow(centre);
-    this.#drawStage(view, centre);
+    this.bodies.forEach(({ skin, buffers }, i) => {
+      skin.pose(this.dancers[i].skin);
+      for (const name of ["places", "normals"]) {
+        gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]);
+        gl.bufferSubData(gl.ARRAY_BUFFER, 0, skin[name]);
+      }
+    });
+    this.#drawBodies(view);
+    this.#drawFloor(view);
+    this.bodies.forEach((body, i) => {
+      const { positions: p } = this.dancers[i];
+      const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
+      this.#drawShadow(body, centre);
+      this.#drawShade(view, p, centre);
+    });
   }
 
   // The part of the shadow's square that can hold a shadow, -1 to 1: [x, z, half width, half depth].
-  #shadeBounds([x, z, half]) {
-    const { positions: p } = this.dancer;
+  #shadeBounds(p, [x, z, half]) {
     const low = [1, 1], high = [-1, -1];
     for (let i = 0; i < p.length; i += 3) {
       [p[i] - this.slide[0] * p[i + 1] - x, p[i + 2] - this.slide[1] * p[i + 1] - z].forEach((off, k) => {
@@ -108,7 +118,7 @@ export class Renderer {
     return [(left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2];
   }
 
-  #drawShadow(centre) {
+  #drawShadow({ mesh, skinned }, centre) {
     const { gl, shadow, blur, shades } = this;
     gl.viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
     gl.disable(gl.DEPTH_TEST);
@@ -121,8 +131,8 @@ export class Renderer {
     gl.useProgram(shadow.program);
     gl.uniform3fv(shadow.uCentre, centre);
     gl.uniform2fv(shadow.uSlide, this.slide);
-    gl.bindVertexArray(this.skinned);
-    gl.drawArrays(gl.POINTS, 0, this.mesh.weights.length);
+    gl.bindVertexArray(skinned);
+    gl.drawArrays(gl.POINTS, 0, mesh.weights.length);
     gl.disable(gl.BLEND);
     gl.useProgram(blur.program);
     gl.uniform1i(blur.uSource, 0);
@@ -136,9 +146,9 @@ export class Renderer {
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
-  #drawStage({ eye, target: at, matrix, mirrored, floorRadius }, centre) {
+  #drawBodies({ eye, matrix, mirrored }) {
     const { gl, colours } = this;
-    const body = this.bodies[this.resolution.slowMachine && !this.still ? "quick" : "fine"];
+    const body = this.surfaces[this.resolution.slowMachine && !this.still ? "quick" : "fine"];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...colours.stage, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
@@ -152,25 +162,34 @@ export class Renderer {
     gl.uniform3fv(body.uRim, this.rim);
     gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
     gl.uniform1f(body.uExposure, this.exposure);
-    gl.bindVertexArray(this.skinned);
-    gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
-    this.#drawGround(matrix, [at[0], at[2], floorRadius], centre);
+    for (const { skinned, mesh } of this.bodies) {
+      gl.bindVertexArray(skinned);
+      gl.drawElements(gl.TRIANGLES, mesh.indices.length, gl.UNSIGNED_INT, 0);
+    }
   }
 
-  // Depth is not written, since the floor is below the body, and the shadow lies in the plane of the floor.
-  #drawGround(matrix, disc, centre) {
-    const { gl, floor, shade, colours } = this;
+  // Depth is not written, since the floor is below the bodies, and the shadows lie in the plane of the floor.
+  #drawFloor({ target: at, matrix, floorRadius }) {
+    const { gl, floor, colours } = this;
     gl.disable(gl.CULL_FACE);
     gl.depthMask(false);
     gl.useProgram(floor.program);
     gl.uniformMatrix4fv(floor.uMatrix, false, matrix);
-    gl.uniform3fv(floor.uPlace, disc);
+    gl.uniform3fv(floor.uPlace, [at[0], at[2], floorRadius]);
     gl.uniform4f(floor.uPart, 0, 0, 1, 1);
     gl.uniform3fv(floor.uStage, colours.stage);
     gl.uniform3fv(floor.uFloor, colours.floor);
     gl.uniform3fv(floor.uLine, colours.line);
     gl.bindVertexArray(this.disc);
     gl.drawArrays(gl.TRIANGLE_FAN, 0, RIM_POINTS);
+    gl.depthMask(true);
+  }
+
+  #drawShade({ matrix }, positions, centre) {
+    const { gl, shade, colours } = this;
+    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthMask(false);
     gl.enable(gl.BLEND);
     gl.blendEquation(gl.FUNC_ADD);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
@@ -179,14 +198,13 @@ export class Renderer {
     gl.uniform1i(shade.uShadow, 0);
     gl.uniformMatrix4fv(shade.uMatrix, false, matrix);
     gl.uniform3fv(shade.uPlace, centre);
-    gl.uniform4fv(shade.uPart, this.#shadeBounds(centre));
+    gl.uniform4fv(shade.uPart, this.#shadeBounds(positions, centre));
     gl.uniform3fv(shade.uShade, colours.shade);
     gl.bindVertexArray(this.square);
     gl.drawArrays(gl.TRIANGLE_FAN, 0, 4);
     gl.disable(gl.BLEND);
     gl.depthMask(true);
   }
-
 }
 
 // A linked program and the locations of its uniforms by name.
