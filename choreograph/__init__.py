@@ -1,6 +1,7 @@
 """choreograph: makes dances for music from your own motion library, and explains every second of them.
 
 - `dance` makes a `Dance` for a song: motion, plan and notes. `vary` makes several that differ
+- `scene` makes a `Scene` of several `Dancer`s, and `render_scene_plan` makes it again from its `ScenePlan`
 - `Session` holds a song and a repertoire in memory, from which dances are made again with other settings
 - `build` makes a repertoire file from takes and their songs. `change_takes` adds takes to it and removes them
 - `Repertoire` is an opened repertoire file. `starter_repertoire` and `example_songs` are built in

@@ -47,12 +47,17 @@ from .pipeline.dancing import dance as dance
 from .pipeline.editing import edit as edit
 from .pipeline.rollout_stream import RolloutFrame as RolloutFrame
 from .pipeline.rollout_stream import RolloutStream as RolloutStream
+from .pipeline.scenes import Dancer as Dancer
+from .pipeline.scenes import Scene as Scene
+from .pipeline.scenes import render_scene_plan as render_scene_plan
+from .pipeline.scenes import scene as scene
 from .pipeline.session import Session as Session
 from .pipeline.session import motifs_of as motifs_of
 from .pipeline.session import signature_of as signature_of
 from .pipeline.session import vary as vary
 from .plan import Plan as Plan
 from .render.rendering import render as render
+from .scene_plan import ScenePlan as ScenePlan
 from .settings import DanceConfig as DanceConfig
 
 __all__ = [
@@ -67,6 +72,7 @@ __all__ = [
     "Credits",
     "Dance",
     "DanceConfig",
+    "Dancer",
     "FormatError",
     "GltfCharacter",
     "Hold",
@@ -83,6 +89,8 @@ __all__ = [
     "RepertoireError",
     "RolloutFrame",
     "RolloutStream",
+    "Scene",
+    "ScenePlan",
     "Session",
     "Skeleton",
     "Song",
@@ -108,7 +116,9 @@ __all__ = [
     "movement",
     "read_character",
     "render",
+    "render_scene_plan",
     "save_motion",
+    "scene",
     "signature_of",
     "starter_repertoire",
     "vary",

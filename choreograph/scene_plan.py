@@ -95,14 +95,18 @@ class ScenePlan:
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise FormatError(f"{name}: expected a plan of a scene (JSON), could not parse it: {error}") from None
+            raise FormatError(
+                f"{name}: expected a plan of a scene (JSON), could not parse it: {error}"
+            ) from None
         if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
             raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got {reprlib.repr(data)}")
         if set(data) != {"format", "version", "dancers", "dances"}:
             raise FormatError(f"{name}: expected the keys dancers and dances, got {', '.join(sorted(data))}")
         for key in ("dancers", "dances"):
             if not isinstance(data[key], list) or not 1 <= len(data[key]) <= MOST_DANCERS:
-                raise FormatError(f"{name}: expected 1 to {MOST_DANCERS} {key}, got {reprlib.repr(data[key])}")
+                raise FormatError(
+                    f"{name}: expected 1 to {MOST_DANCERS} {key}, got {reprlib.repr(data[key])}"
+                )
         dances = tuple(
             Plan.from_json(json.dumps(entry), name=f"{name}: dance {index}")
             for index, entry in enumerate(data["dances"])

@@ -48,7 +48,8 @@ def _circle(n: int) -> Floats:
 def _pairs(n: int) -> Floats:
     """Couples side by side, in a V. A dancer without a partner stands in front."""
     couples = _v(n // 2) * _COUPLES_APART if n > 1 else np.zeros((0, 2))
-    places = np.concatenate([couples + [0.5, 0.0], couples - [0.5, 0.0]])
+    half = np.array([0.5, 0.0])
+    places = np.concatenate([couples + half, couples - half])
     return np.concatenate([[[0.0, 1.0]], places]) if n % 2 else places
 
 

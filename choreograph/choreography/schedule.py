@@ -1,4 +1,4 @@
-"""What changes by section in a scene: texts such as `chorus=v`, and the spans of the song that they are for."""
+"""What changes by section in a scene: texts such as `chorus=v`, and the parts of the song they are for."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -86,14 +86,17 @@ def _time_s(text: str, places: Places) -> float:
 
 
 def borders_s(
-    features: SongFeatures, schedules: Sequence[Sequence[Scheduled[str]]], places: Places
+    features: SongFeatures, schedules: Sequence[Sequence[Scheduled[Any]]], places: Places
 ) -> list[float]:
     """Where dancers come to their places: the start, borders of phrases, and those of the schedules."""
     counts, duration_s = features.counts, features.duration_s
     phrases = [phrase.start_s for phrase in features.form.phrases]
     if not phrases:
-        every = np.arange(0, int(duration_s / 0.25) + 1, _PHRASE_COUNTS)
-        phrases = [float(s) for s in counts_later_s(counts.times_s, 0.0, every.astype(np.float64)) if s < duration_s]
+        n_phrases = int(duration_s / _SHORTEST_S) + 1
+        starts_s = (
+            float(counts_later_s(counts.times_s, 0.0, index * _PHRASE_COUNTS)) for index in range(n_phrases)
+        )
+        phrases = [start_s for start_s in starts_s if start_s < duration_s]
     named = [
         time_s
         for schedule in schedules
@@ -110,14 +113,11 @@ def borders_s(
     return sorted(kept)
 
 
-def value_at(
-    schedule: Sequence[Scheduled[Value]], time_s: float, places: Places, duration_s: float
-) -> Value:
+def value_at(schedule: Sequence[Scheduled[Value]], time_s: float, places: Places, duration_s: float) -> Value:
     """The value at a time: the last one given for a span that contains it."""
     value = schedule[0].value
     for entry in schedule:
-        if entry.when and any(
-            start_s - 1e-3 <= time_s < end_s - 1e-3 for start_s, end_s in spans_of(entry.when, places, duration_s)
-        ):
+        spans_s = spans_of(entry.when, places, duration_s) if entry.when else []
+        if any(start_s - 1e-3 <= time_s < end_s - 1e-3 for start_s, end_s in spans_s):
             value = entry.value
     return value

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 import scipy
@@ -163,7 +163,7 @@ def _order(knots: Sequence[Knot], symmetric: bool) -> np.ndarray:
     """
     n = len(knots[0].places)
     order = [np.arange(n)]
-    for before, knot in zip(knots, knots[1:], strict=False):
+    for before, knot in pairwise(knots):
         if knot.same:
             order.append(order[-1])
             continue
@@ -190,7 +190,8 @@ def _common_path_m(crowd: _Crowd, symmetric: bool) -> Floats:
     drift_m = (at_m - at_m[:, :1]).mean(axis=0)
     if symmetric:
         drift_m[:, 0] = 0.0
-    return _WANDER_M * np.tanh(drift_m / _WANDER_M)
+    common_m: Floats = _WANDER_M * np.tanh(drift_m / _WANDER_M)
+    return common_m
 
 
 def _nearly(wanted_m: Floats, ground_m: Floats) -> Floats:

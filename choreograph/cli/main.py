@@ -88,7 +88,7 @@ _COMMANDS = {
     "build-db": "build_db", "convert": "characters:convert", "count": "count",
     "dance": "dance", "evaluate": "evaluate", "get": "get", "inspect": "inspect", "library": "library",
     "live": "live",
-    "retarget": "characters:retarget",
+    "retarget": "characters:retarget", "scene": "scene",
     "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio", "study": "study",
 }  # fmt: skip
 

@@ -27,6 +27,7 @@ from choreograph.formats.vmd import DANCE_MODEL
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
+from choreograph.scene_plan import FORMAT as SCENE_FORMAT
 
 if TYPE_CHECKING:
     from choreograph.view.page_data import PageCharacter
@@ -36,7 +37,13 @@ if TYPE_CHECKING:
 _SAVED_DANCE = re.compile(
     rb"choreograph [\w.+-]{1,32}: a d"  # the compression of .usdc leaves out "ance", which "/Dance" ends in
     rb"|\nMOTION\nFrames: \d+\nFrame Time: \d\.\d{10}" + DANCE_DIGITS.encode() + rb"\n"
-    rb"|\0" + DANCE_MODEL.encode() + rb'|"format": "' + PLAN_FORMAT.encode() + rb'"'
+    rb"|\0"
+    + DANCE_MODEL.encode()
+    + rb'|"format": "(?:'
+    + PLAN_FORMAT.encode()
+    + b"|"
+    + SCENE_FORMAT.encode()
+    + rb')"'
 )
 _STRIP_POSES = 40
 

@@ -271,7 +271,8 @@ def _planned(
     formed = [value_at(formations, time_s, found, end_s) for time_s in middles_s]
     knots = _knots(starts_s, formed, places, leader.music_beats_s, end_s)
     all_parts = [
-        dancer_parts(index, n, related, bounds_s, leader.music_beats_s, leader.opening_s) for index in range(n)
+        dancer_parts(index, n, related, bounds_s, leader.music_beats_s, leader.opening_s)
+        for index in range(n)
     ]
     heights = [_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)] for index in range(n)]
     bodies = _bodies(all_parts, heights, dances)

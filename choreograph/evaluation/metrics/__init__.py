@@ -16,6 +16,10 @@ Music and dance
 - `transitions` — how often takes change, and whether at borders of bars and figures
 - `requests` — whether a requested genre is danced, at its tempi, and whether dances differ with another seed
 
+Scenes
+
+- `scene` — how near bodies come to each other, and how long one is hidden by others
+
 Realism
 
 - `fid` — FID_k, FID_g and diversity of kinetic and geometric features

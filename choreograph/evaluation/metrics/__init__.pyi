@@ -12,5 +12,6 @@ from . import motion_beat_detectors as motion_beat_detectors
 from . import physical as physical
 from . import requests as requests
 from . import returns as returns
+from . import scene as scene
 from . import structure as structure
 from . import transitions as transitions

@@ -26,7 +26,7 @@ export class Camera {
   }
 
   reset() {
-    this.yaw = FIRST_TURN;
+    this.yaw = this.spread ? 0 : FIRST_TURN; // several dancers are placed to be seen from the front
     this.pitch = FIRST_PITCH;
     this.closeness = 1;
   }
