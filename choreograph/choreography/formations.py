@@ -20,7 +20,7 @@ from choreograph.core.numerics import Floats
 
 MOST_DANCERS = 32
 _V_DEPTH = 0.6  # of the spacing, by which each dancer of a V stands behind the one before it
-_COUPLES_APART = 1.9  # of the spacing, from the middle of a couple to that of the next one
+_COUPLES_APART = 2.0  # of the spacing, from the middle of a couple to that of the next one
 _FARTHEST_M = 100.0  # from the middle of the stage, of a place in a file
 _EYE_AWAY_M = 8.0  # at least, from the front row
 _EYE_OF_WIDTH = 1.2  # of the width of the formation, if that is more

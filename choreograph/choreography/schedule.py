@@ -73,7 +73,7 @@ def spans_of(when: str, places: Places, duration_s: float) -> list[tuple[float, 
     ends = (span[1], span[2]) if span else (when,)
     times_s = [_time_s(end, places) for end in ends]
     start_s, end_s = (*times_s, duration_s)[:2]
-    if not 0.0 <= start_s < end_s:
+    if not 0.0 <= start_s < min(end_s, duration_s):
         raise unexpected(f"a part of the song of {duration_s:.1f} s, the start first", when)
     return [(start_s, end_s)]
 

@@ -37,7 +37,6 @@ _WITH_PLAN = (
     "--db",
     "--output",
     "--character",
-    "--click",
     "--force",
     "--open",
     "--json",
@@ -156,7 +155,7 @@ def _outputs(
     from choreograph.pipeline.saving import is_saved_dance
     from choreograph.pipeline.scene_saving import scene_paths
 
-    made = () if given else (Path(f"{named.stem}.bvh"), Path(f"{named.stem}.html"))
+    made: tuple[Path, ...] = () if given else (Path(f"{named.stem}.bvh"), Path(f"{named.stem}.html"))
     if opened and given and not any(path.suffix.lower() == ".html" for path in given):
         made = (given[0].with_suffix(".html"),)
     read = {file_identity(path) for path in input_files(except_for=("output",))}
@@ -168,10 +167,9 @@ def _outputs(
         )
 
     free = tuple(free_names(made, is_kept))
-    notes = (
-        (f"files of these names are kept: the scene is written to {free[0].stem}",) if free != made else ()
-    )
-    return (*given, *free), notes
+    if free == made:
+        return (*given, *made), ()
+    return (*given, *free), (f"files of these names are kept: the scene is written to {free[0].stem}",)
 
 
 def _check(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) -> None:

@@ -49,11 +49,11 @@ def save_scene(
     elif n_dancers > 1 and suffix == "html":
         _save_page(scene, path, report)
     else:
-        options = {"click": True} if with_clicks and suffix == "mp4" else {}
         for dancer, own in zip(scene.dancers, scene_paths(path, n_dancers), strict=True):
             used = suffix in ("glb", "fbx", "html") and dancer.character is not None
             character = dancer.character if used else None
-            dancer.dance.save(own, character=character, report=report, **options)
+            click = with_clicks and suffix == "mp4"
+            dancer.dance.save(own, character=character, click=click, report=report)
 
 
 def _save_page(scene: Scene, path: Path, report: ProgressReport | None) -> None:

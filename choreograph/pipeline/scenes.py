@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.formations import formation_places
-from choreograph.choreography.relations import Relation, dancer_parts, is_mirrored, pair_of
+from choreograph.choreography.relations import Relation, dancer_parts, pair_of
 from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, value_at
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.choreography.stage_paths import Knot, StageBody, StagePaths, plan_paths

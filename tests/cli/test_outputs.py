@@ -45,6 +45,13 @@ TABLE = {
         (_MAPPED, ["-o", "a.glb", "--save-map"], (".json",)),
         ([["MINE", "--character", "hero.glb"]], ["-o", "a.glb", "--save-map"], (".json",)),
     ],
+    "scene": [
+        (
+            [["MINE"], ["s.wav", "--db", "MINE"], ["s.wav", "--beats", "MINE"], ["--plan", "MINE"]],
+            ["--dancers", "1", "-o"],
+            (".bvh", ".html"),
+        ),
+    ],
     "convert": [
         ([["MINE"]], [], (".bvh", ".glb", ".npz")),
         ([["d.bvh", "--map", "MINE"]], ["--"], (".bvh",)),

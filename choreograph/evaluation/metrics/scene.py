@@ -1,10 +1,11 @@
 """Scenes of several dancers: how near bodies come to each other, and how long one is hidden by others.
 
-Conventions: positions (N, T, 21, 3) in metres of N dancers at `fps`, Y up, the audience at +Z. A body is a set
-of capsules around its bones. The gap of two bodies is the least distance on the ground, in metres, between the
-surfaces of any capsule of one and any of the other, at whatever height they are: 0 where they overlap. So an
-arm over the head of another dancer has a gap of 0. A dancer is hidden in a frame in which nearer dancers cover
-at least 80 % of the width of the shoulders, for an eye in front of the middle of the stage.
+Conventions: positions (N, T, 21, 3) in metres of N dancers at `fps`, Y up, the audience at +Z. A body is a
+set of capsules around its bones. The gap of two bodies is the least distance on the ground, in metres,
+between the surfaces of any capsule of one and any of the other, at whatever height they are: 0 where they
+overlap. So an arm over the head of another dancer has a gap of 0. A dancer is hidden in a frame in which
+nearer dancers cover at least 80 % of the width of the shoulders, for an eye in front of the middle of the
+stage.
 """
 
 from __future__ import annotations

@@ -1,0 +1,175 @@
+"""Scenes: laws of distance, places, canon and mirror; one dancer is a dance; plans give the same again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from synthetic_repertoire import synthetic_repertoire, write_clicks
+
+import choreograph as cg
+from choreograph.core.counts import counts_later_s
+from choreograph.evaluation.metrics import scene as of_scene
+from choreograph.evaluation.metrics.physical import foot_slide_cm_s
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.mirroring import mirrored_motion
+from choreograph.pipeline.scene_saving import scene_paths
+
+SCHEMA = json.loads(
+    (Path(__file__).resolve().parents[2] / "data_schema" / "scene.schema.json").read_text(encoding="utf-8")
+)
+SETTINGS = {"candidates": 8, "cache": False}
+
+
+@pytest.fixture(scope="module")
+def song(tmp_path_factory) -> cg.Song:
+    return cg.load_song(write_clicks(tmp_path_factory.mktemp("song") / "song.wav", duration_s=20.0))
+
+
+@pytest.fixture(scope="module")
+def repertoire(tmp_path_factory) -> cg.Repertoire:
+    return synthetic_repertoire(tmp_path_factory.mktemp("scene") / "rep.h5")
+
+
+@pytest.fixture(scope="module")
+def made(song, repertoire):
+    """Makes a scene of the song, each once."""
+    known = {}
+
+    def make(n: int, formation="v", relation="unison") -> cg.Scene:
+        key = n, str(formation), str(relation)
+        if key not in known:
+            known[key] = cg.scene(
+                song, repertoire, dancers=n, formation=formation, relation=relation, **SETTINGS
+            )
+        return known[key]
+
+    return make
+
+
+CHANGES = ("line", "10-20=circle")
+
+
+@pytest.mark.parametrize(
+    ("n", "formation", "relation"),
+    [
+        (2, "pairs", "mirror"), (3, CHANGES, "unison"), (6, CHANGES, "canon:2"), (5, "v", "free"),
+        (4, CHANGES, ("call-and-response", "10-20=mirror")), (8, CHANGES, "mirror"),
+    ],
+)  # fmt: skip
+def test_bodies_stay_apart_and_are_seen(made, n, formation, relation):
+    motions = made(n, formation, relation).motions
+    pos_m = np.array([body_pos_m(motion) for motion in motions])
+    assert of_scene.gaps_m(pos_m).min() >= 0.6
+    assert of_scene.longest_hidden_s(pos_m, motions[0].fps) <= 4.0
+    assert {motion.n_frames for motion in motions} == {motions[0].n_frames}
+
+
+def test_places_are_reached_at_their_times(made):
+    scene = made(6, CHANGES, "canon:2")
+    for planned, motion in zip(scene.plan.dancers, scene.motions, strict=True):
+        frames = np.minimum(np.round(np.array(planned.times_s) * motion.fps).astype(int), motion.n_frames - 1)
+        places_m = np.stack([planned.x_m, planned.z_m], axis=1)
+        assert np.abs(motion.root_pos_m[frames][:, [0, 2]] - places_m).max() < 1e-6
+
+
+def test_formations_are_those_asked_for(made):
+    scene = made(6, CHANGES)
+    times_s = np.array(scene.plan.dancers[0].times_s)
+    first, last = 0, int(np.searchsorted(times_s, 10.0 - 1e-6))
+    assert times_s[last] == pytest.approx(10.0)
+    at_m = np.array([[(d.x_m[k], d.z_m[k]) for d in scene.plan.dancers] for k in (first, last)])
+    assert np.ptp(at_m[0, :, 1]) < 0.15  # one line
+    around = at_m[1] - at_m[1].mean(axis=0)
+    assert np.ptp(np.linalg.norm(around, axis=1)) < 0.8 and np.ptp(around[:, 1]) > 2.0  # a ring
+
+
+def test_unison_in_one_formation_is_the_dance_itself(made, song, repertoire):
+    scene = made(3)
+    dance = cg.dance(song, repertoire, **SETTINGS).motion
+    for motion in scene.motions[:1]:
+        way = motion.root_pos_m - dance.root_pos_m
+        assert np.ptp(way[:, 1]) == 0.0
+    turns = [np.abs(np.sum(motion.local_quat * dance.local_quat, axis=-1)) for motion in scene.motions]
+    assert np.percentile(turns[0], 1) > 0.99
+
+
+def test_a_mirror_is_exact(made):
+    right, left = made(2, "pairs", "mirror").motions
+    other = mirrored_motion(right)
+    assert np.abs(left.root_pos_m - other.root_pos_m).max() < 1e-6
+    assert np.abs(np.abs(np.sum(left.local_quat * other.local_quat, axis=-1)) - 1.0).max() < 1e-6
+
+
+def test_a_canon_is_an_exact_shift_in_counts(made):
+    """Arms and trunk of the dance, which no way over the stage changes, 2 counts later."""
+    scene = made(4, "line", "canon:2")
+    first, later = scene.motions[0], scene.motions[2]
+    beats_s = np.array(scene.plan.dances[0].music_beats_s)
+    times_s = beats_s[(beats_s > 6.0) & (beats_s < 15.0)]
+    upper = [first.skeleton.index(name) for name in ("spine1", "neck", "left_shoulder", "right_elbow")]
+    frames = times_s * first.fps
+    behind = later.sampled(frames).local_quat[:, upper]
+    before = first.sampled(counts_later_s(beats_s, times_s, -2) * first.fps).local_quat[:, upper]
+    assert np.abs(np.abs(np.sum(behind * before, axis=-1)) - 1.0).max() < 1e-4
+
+
+def test_free_dancers_have_seeds_of_their_own(made):
+    scene = made(5, "v", "free")
+    assert [plan.seed for plan in scene.plan.dances] == [0, 1, 2, 3, 4]
+    assert len({plan.to_json() for plan in scene.plan.dances}) == 5
+
+
+def test_feet_slide_little_more_than_in_the_dance(made, song, repertoire):
+    dance = cg.dance(song, repertoire, **SETTINGS).motion
+    usual = foot_slide_cm_s(body_pos_m(dance), dance.fps)
+    for motion in made(6, CHANGES, "unison").motions:
+        assert foot_slide_cm_s(body_pos_m(motion), motion.fps) < usual + 12.0
+
+
+def test_one_dancer_is_the_dance(song, repertoire, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = cg.scene(song, repertoire, dancers=1, **SETTINGS)
+    dance = cg.dance(song, repertoire, **SETTINGS)
+    for suffix in ("bvh", "npz", "html", "glb", "png"):
+        one.save(f"scene.{suffix}")
+        dance.save(f"dance.{suffix}")
+        assert Path(f"scene.{suffix}").read_bytes() == Path(f"dance.{suffix}").read_bytes(), suffix
+
+
+def test_a_plan_gives_the_same_bytes_and_follows_its_schema(made, repertoire, tmp_path):
+    scene = made(4, CHANGES, ("call-and-response", "10-20=mirror"))
+    scene.save(tmp_path / "a.json")
+    plan = cg.ScenePlan.read(tmp_path / "a.json")
+    jsonschema.validate(json.loads((tmp_path / "a.json").read_text()), SCHEMA)
+    assert plan == scene.plan
+    again = cg.render_scene_plan(plan, repertoire)
+    for suffix in ("json", "bvh"):
+        scene.save(tmp_path / f"a.{suffix}")
+        again.save(tmp_path / f"b.{suffix}")
+        for a, b in zip(
+            scene_paths(tmp_path / f"a.{suffix}", 4), scene_paths(tmp_path / f"b.{suffix}", 4), strict=True
+        ):
+            assert a.read_bytes() == b.read_bytes()
+    assert cg.load_motion(tmp_path / "a-2.bvh").n_frames == scene.motions[1].n_frames
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ({"dancers": 0}, "expected 1 to 32 dancers"),
+        ({"dancers": ["a", "a"]}, "of different names"),
+        ({"formation": "star"}, "expected a formation among"),
+        ({"relation": "canon:0"}, "expected a relation among"),
+        ({"genre": ["a", "b"]}, "expected one genre unless dancers are free"),
+        ({"formation": ["30-40=v"]}, "expected a part of the song"),
+        ({"characters": ["gone.glb"]}, "gone.glb"),
+    ],
+)
+def test_other_arguments_are_refused_in_one_line(song, repertoire, arguments, says):
+    with pytest.raises(cg.ChoreographError, match=says) as error:
+        cg.scene(song, repertoire, **arguments, **SETTINGS)
+    assert "\n" not in str(error.value)
