@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from choreograph.core.arguments import fields_of_json
+from choreograph.core.arguments import as_list, fields_of_json, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
 from choreograph.core.progress import counted
@@ -67,6 +67,13 @@ class ScenePlan:
 
     dances: tuple[Plan, ...]  # of which the first one is that of the leader
     dancers: tuple[PlannedDancer, ...]  # the leader first
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dances", as_list("dances of a scene", self.dances, "Plan", Plan))
+        dancers = as_list("dancers of a scene plan", self.dancers, "PlannedDancer", PlannedDancer)
+        object.__setattr__(self, "dancers", dancers)
+        if not self.dances or not self.dancers:
+            raise unexpected("a dance and a dancer or more", (self.dances, self.dancers))
 
     def __repr__(self) -> str:
         dancers, dances = counted(len(self.dancers), "dancer"), counted(len(self.dances), "dance")

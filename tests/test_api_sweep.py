@@ -106,10 +106,13 @@ def things(tmp_path_factory):
     made = cg.dance(song, repertoire, candidates=4)
     for suffix in ("npz", "json"):
         made.save(folder / f"made.{suffix}")
+    scene = cg.scene(song, repertoire, dancers=2, candidates=4)
+    scene.save(folder / "scene.json")
     (folder / "empty").mkdir()
     counts = make_counts(np.arange(9) / 2, numbers_in_bar(9, 4), 4)
     return SimpleNamespace(
-        folder=folder, repertoire=repertoire, song=song, made=made, character=character, motion=motion,
+        folder=folder, repertoire=repertoire, song=song, made=made, scene=scene,
+        character=character, motion=motion,
         layer=source.layer(2), next_layer=source.layer(3), features=features, counts=counts,
         analysed=dancing.analyse_song(song, repertoire), take=takes[0].take,
         performance=perform(motion, character.rig, character.bones),
@@ -191,6 +194,12 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
             too_long=(("repertoire", "None"),),
         ),
         "Session.dance": sound(cg.Session(t.song, t.repertoire).dance, engine="mixer", seed=1, genre=None),
+        "Dancer": sound(cg.Dancer, name="a", dance=t.made, character=None),
+        "Scene": sound(cg.Scene, dancers=t.scene.dancers, plan=t.scene.plan),
+        "Scene.save": sound(t.scene.save, path="a.bvh"),
+        "ScenePlan": sound(cg.ScenePlan, dances=t.scene.plan.dances, dancers=t.scene.plan.dancers),
+        "ScenePlan.from_json": sound(cg.ScenePlan.from_json, text=t.scene.plan.to_json()),
+        "ScenePlan.read": sound(cg.ScenePlan.read, path=t.folder / "scene.json"),
         "Session.alternatives": sound(
             cg.Session(t.song, t.repertoire).alternatives, span=(1.0, 3.0), n=1, existing=t.made
         ),
@@ -276,6 +285,19 @@ def sound_functions(t: SimpleNamespace) -> dict[str, Sound]:
             lambda **edited: cg.render(replace(t.made.plan, **edited), t.repertoire),
             {},
             tuple(values_of(t.made.plan)),
+        ),
+        "scene": Sound(
+            cg.scene,
+            {
+                "song": t.song, "repertoire": t.repertoire, "dancers": 2, "formation": "v",
+                "relation": "unison",
+                "genre": None, "characters": (), "start_s": 0.0, "duration_s": 2.0,
+                "config": cg.DanceConfig(),
+            },
+            too_long=(("repertoire", "None"),),
+        ),
+        "render_scene_plan": sound(
+            cg.render_scene_plan, plan=t.scene.plan, repertoire=t.repertoire, characters=(), song_path=None
         ),
         "signature_of": sound(cg.signature_of, name="a", repertoire=t.repertoire),
         "vary": Sound(

@@ -16,7 +16,15 @@ from choreograph.choreography.relations import Relation, dancer_parts, pair_of
 from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, value_at
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.choreography.stage_paths import Knot, StageBody, StagePaths, plan_paths
-from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, is_whole, unexpected
+from choreograph.core.arguments import (
+    as_list,
+    as_texts,
+    check_function,
+    check_kind,
+    check_text,
+    is_whole,
+    unexpected,
+)
 from choreograph.core.counts import counts_later_s
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
@@ -44,11 +52,26 @@ _STEPS = 100
 
 @dataclass(frozen=True, eq=False)
 class Dancer:
-    """One body of a scene, with its dance."""
+    """One body of a scene, with its dance.
+
+    Raises `ParameterError` if a field is of another type.
+
+    Examples
+    --------
+    >>> dancer = cg.scene(cg.example_songs()["house"], dancers=2, duration_s=4).dancers[1]
+    >>> dancer.name, dancer.dance.motion
+    ('dancer 2', <Motion: 240 frames at 60 fps (4.0 s), 24 joints>)
+    """
 
     name: str  # unique in the scene
     dance: Dance  # the motion on the stage, and the plan of the dance that it is made from
     character: GltfCharacter | None = None  # that dances instead of the mannequin
+
+    def __post_init__(self) -> None:
+        check_text("the name of a dancer", self.name)
+        check_kind("the dance of a dancer", self.dance, Dance)
+        if self.character is not None:
+            check_kind("the character of a dancer", self.character, GltfCharacter)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +223,20 @@ def render_scene_plan(
     song_path: Path | None = None,
     report: ProgressReport | None = None,
 ) -> Scene:
-    """The scene of a plan, exactly as planned. Raises as `render` for each of its dances."""
+    """The scene of a plan, exactly as planned. Raises as `render` for each of its dances.
+
+    Examples
+    --------
+    >>> repertoire = cg.starter_repertoire()
+    >>> scene = cg.scene(cg.example_songs()["house"], repertoire, dancers=2, duration_s=4)
+    >>> again = cg.render_scene_plan(scene.plan, repertoire)
+    >>> bool((again.motions[1].root_pos_m == scene.motions[1].root_pos_m).all())
+    True
+    """
+    check_kind("the plan of a scene", plan, ScenePlan)
+    check_function("report", report)
+    characters = as_list("characters", characters, "GltfCharacter", GltfCharacter)
+    ScenePlan.from_json(plan.to_json())  # as valid as that of a file
     motions = [render(one, repertoire) for one in plan.dances]
     return _scene_of(plan, render_scene(plan, motions), characters, (), song_path)
 
