@@ -67,6 +67,8 @@ def files(tmp_path_factory):
     beats = "".join(f"{beat / 2:.2f} {(beat - 1) % 4 + 1}\n" for beat in range(1, 12))
     assert beats.startswith(first_beats)
     (folder / "beats.txt").write_text(beats)
+    (places,) = blocks(PAGES["how-to/scene.md"], "json")
+    (folder / "places.json").write_text(places)
     (folder / "takes").mkdir()
     (manifest,) = blocks(PAGES["how-to/library.md"], "text")
     rows = [f"{name},{name.split('-')[0]},Ada,CC0-1.0,our studio,0.0\n" for name in TAKES[1:]]
