@@ -110,6 +110,7 @@ def command(
         raise ParameterError("expected a SONG, or --plan FILE. `choreograph songs` lists a few to begin with")
     if plan_path is not None:
         _check_beside_plan()
+    check_apart(output, input_files(except_for=("output",)))  # before the plan is read
     n_dancers = _n_dancers(options["dancers"], plan_path)
     outputs, notes = _outputs(named, output, n_dancers, force=force, opened=opened)
     _check(outputs, n_dancers, bool(options["character"]))
