@@ -48,7 +48,7 @@ TABLE = {
     "scene": [
         (
             [["MINE"], ["s.wav", "--db", "MINE"], ["s.wav", "--beats", "MINE"], ["--plan", "MINE"]],
-            ["--dancers", "1", "-o"],
+            ["-o"],
             (".bvh", ".html"),
         ),
     ],
