@@ -25,7 +25,7 @@ from choreograph.cli.present import (
     table_console,
 )
 from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.core.files import folder_beside
+from choreograph.core.files import check_target, folder_beside
 
 if TYPE_CHECKING:
     from choreograph.core.progress import ProgressReport
@@ -49,6 +49,7 @@ _FOR_SONGS = {
         "choreograph evaluate --db rep.h5 --songs takes/ --only @heldout.txt   beside the real dances",
         "choreograph evaluate dance.bvh song.mp3                 any system's dance",
         "choreograph evaluate ours.bvh edge.pkl bailando.npy song.mp3   several beside each other",
+        "choreograph evaluate ours.bvh edge.pkl song.mp3 --page both.html",
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
     ),
 )
@@ -85,6 +86,10 @@ _FOR_SONGS = {
 )  # fmt: skip
 @optgroup.group("Output")
 @optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
+@optgroup.option(
+    "--page", type=_FILE, metavar="FILE.html",
+    help="Write a page that plays DANCE files side by side with their song.",
+)  # fmt: skip
 @optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON. - prints it.")
 @optgroup.option(
     "--resume", is_flag=True,
@@ -104,6 +109,7 @@ def command(
     seen: bool,
     judge: Path | None,
     report: Path | None,
+    page: Path | None,
     json_path: str | None,
     resume: bool,
     quiet: bool,
@@ -121,16 +127,18 @@ def command(
         raise ParameterError(
             f"expected --songs beside {', '.join(sorted(for_songs))}, got a DANCE: leave it out"
         )
-    targets = _targets(report, json_path)
+    if page is not None and not files:
+        raise ParameterError("expected DANCE files and a song beside --page, got --songs: leave it out")
+    targets = [*_targets(report, json_path), *([] if page is None else [check_target(page)])]
     output = targets[-1] if targets else None
     beside = folder_beside(output, ".dances") if output is not None and not files else None
-    check_outputs_apart([*targets, beside], named_by=("report", "json_path"))
+    check_outputs_apart([*targets, beside], named_by=("report", "page", "json_path"))
     if resume and output is None:
         raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
         if files:
-            evaluation = _of_dances(files[:-1], files[-1], db, duration, beats)
+            evaluation = _of_dances(files[:-1], files[-1], db, duration, beats, page)
             _write(evaluation, report, json_path)
         else:
             assert folder is not None
@@ -150,7 +158,6 @@ def command(
 
 def _targets(report: Path | None, json_path: str | None) -> list[Path]:
     """The files to write. Raises before any work if one cannot be written."""
-    from choreograph.core.files import check_target
     from choreograph.evaluation.plots import expect_matplotlib
 
     if report:
@@ -160,7 +167,12 @@ def _targets(report: Path | None, json_path: str | None) -> list[Path]:
 
 
 def _of_dances(
-    dances: Sequence[Path], song: Path, db: tuple[Path, ...], duration: float | None, beats: str
+    dances: Sequence[Path],
+    song: Path,
+    db: tuple[Path, ...],
+    duration: float | None,
+    beats: str,
+    page: Path | None,
 ) -> Evaluation:
     from choreograph.evaluation.dance_scores import evaluate
     from choreograph.formats.register import load_motion
@@ -174,7 +186,15 @@ def _of_dances(
         raise ParameterError("expected different dances to compare, got one of them twice")
     [name, *others] = motions
     measured = motions if others else motions[name]
-    return evaluate(measured, loaded, name=name, beats=beats, repertoire=repertoire)
+    evaluation = evaluate(measured, loaded, name=name, beats=beats, repertoire=repertoire)
+    if page is not None:
+        from choreograph.evaluation.side_by_side import write_side_by_side
+
+        assert evaluation.example is not None
+        named = {Path(name).name: motion for name, motion in motions.items()}
+        shown = named if len(named) == len(motions) else motions
+        write_side_by_side(page, shown, loaded, beats_s=evaluation.example.music_beats_s)
+    return evaluation
 
 
 @contextmanager

@@ -90,7 +90,11 @@ TABLE = {
             (".bvh", ".h5"),
         )
     ],
-    "evaluate": [(_EVALUATED, ["--report"], (".html",)), (_EVALUATED, ["--json"], (".json",))],
+    "evaluate": [
+        (_EVALUATED, ["--report"], (".html",)),
+        (_EVALUATED, ["--json"], (".json",)),
+        ([["MINE", "song.wav"], ["d.bvh", "MINE"]], ["--page"], (".html",)),
+    ],
     "count": [([["MINE"]], ["-o"], (".csv", ".json", ".txt"))],
     "get": [([["mine", "--table", "MINE"]], ["--build"], (".h5", ".toml"))],
     "library merge": [([["MINE"], ["FOLDER/"], ["other.h5", "MINE"]], ["-o"], (".h5",))],
