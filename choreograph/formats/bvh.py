@@ -17,6 +17,7 @@ from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.formats.bvh_text import BvhText, parse_bvh, read_text
+from choreograph.formats.decimals import DecimalRows
 from choreograph.formats.writer import Writer, renamed, with_rest_pose, word_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones, take_bones
@@ -255,14 +256,19 @@ class BvhWriter(Writer):
         if self.options.rest is not None:
             motion = with_rest_pose(motion, self.options.rest)
         motion = renamed(motion, self.options.naming)
-        line = " ".join(["%.5f"] * (3 + 3 * motion.skeleton.n_joints))
-        with open(path, "w", encoding="utf-8", newline="\n") as file:
-            file.write("HIERARCHY\n")
-            file.writelines(f"{text}\n" for text in self._hierarchy(motion.skeleton, 0, ""))
-            mark = DANCE_DIGITS if self.is_dance else ""
-            file.write(f"MOTION\nFrames: {motion.n_frames}\nFrame Time: {1.0 / motion.fps:.10f}{mark}\n")
+        lines = [
+            "HIERARCHY",
+            *self._hierarchy(motion.skeleton, 0, ""),
+            "MOTION",
+            f"Frames: {motion.n_frames}",
+        ]
+        mark = DANCE_DIGITS if self.is_dance else ""
+        lines.append(f"Frame Time: {1.0 / motion.fps:.10f}{mark}\n")
+        numbers = DecimalRows(motion.n_frames * (3 + 3 * motion.skeleton.n_joints))
+        with open(path, "wb") as file:
+            file.write("\n".join(lines).encode())
             for rows in self._rows(motion):
-                file.writelines(line % tuple(row) + "\n" for row in rows.tolist())
+                file.write(numbers.text(rows))
 
     def _rows(self, motion: Motion) -> Iterator[NDArray[np.float64]]:
         """The numbers of each frame in blocks, (T_b, 3 + 3 J)."""
