@@ -49,6 +49,7 @@ _FOR_SONGS = {
         "choreograph evaluate --db rep.h5 --songs takes/ --only @heldout.txt   beside the real dances",
         "choreograph evaluate dance.bvh song.mp3                 any system's dance",
         "choreograph evaluate ours.bvh edge.pkl bailando.npy song.mp3   several beside each other",
+        "choreograph evaluate ours/ edge/ songs/                 dances named as their songs, and real ones",
         "choreograph evaluate ours.bvh edge.pkl song.mp3 --page both.html",
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
     ),
@@ -114,7 +115,10 @@ def command(
     resume: bool,
     quiet: bool,
 ) -> None:
-    """Measure dances that are made with --db to the songs of DIR, or DANCE files of any system to a SONG."""
+    """Measure dances that are made with --db to the songs of DIR, or DANCE files of any system to a SONG.
+
+    DANCE and SONG may be folders. Each DANCE folder has the dances of one system, named as the songs.
+    """
     from choreograph.evaluation.results import to_json
     from choreograph.evaluation.run import EvaluationConfig
     from choreograph.evaluation.songs import find_songs
@@ -138,7 +142,8 @@ def command(
     beats = beats or DEFAULT_TRACKER
     with stages(quiet=quiet) as shown:
         if files:
-            evaluation = _of_dances(files[:-1], files[-1], db, duration, beats, page)
+            made = _of_folders if files[-1].is_dir() else _of_dances
+            evaluation = made(files[:-1], files[-1], db, duration, beats, page)
             _write(evaluation, report, json_path)
         else:
             assert folder is not None
@@ -195,6 +200,57 @@ def _of_dances(
         shown = named if len(named) == len(motions) else motions
         write_side_by_side(page, shown, loaded, beats_s=evaluation.example.music_beats_s)
     return evaluation
+
+
+def _of_folders(
+    folders: Sequence[Path],
+    songs: Path,
+    db: tuple[Path, ...],
+    duration: float | None,
+    beats: str,
+    page: Path | None,
+) -> Evaluation:
+    """Dances of systems to the songs of a folder, beside the real dances there."""
+    from choreograph.evaluation.dance_scores import measured_dances
+    from choreograph.evaluation.results import REAL
+    from choreograph.evaluation.songs import find_songs
+    from choreograph.formats.register import load_motion
+    from choreograph.library.builtin import as_repertoire
+
+    if page is not None:
+        raise ParameterError("expected DANCE files and one song beside --page, got folders: name a song")
+    systems = {folder: _files_by_name(folder) for folder in folders}
+    danced = [
+        song
+        for song in find_songs(songs, duration_s=duration)
+        if any(song.name in files for files in systems.values())
+    ]
+    if not danced:
+        raise ParameterError(f"expected dances named as the songs of {songs}, got none: name them SONG.bvh")
+    columns = {
+        str(folder): (
+            str(folder),
+            [load_motion(files[song.name]) if song.name in files else None for song in danced],
+        )
+        for folder, files in systems.items()
+    }
+    if any(song.take is not None for song in danced):
+        real = [None if song.take is None else song.take.motion for song in danced]
+        columns[REAL] = "real dances", real
+    repertoire = as_repertoire(db) if db else None
+    return measured_dances([song.load() for song in danced], columns, beats, repertoire)
+
+
+def _files_by_name(folder: Path) -> dict[str, Path]:
+    """The dances in a folder by their names without suffix."""
+    from choreograph.formats.register import is_motion
+
+    if not folder.is_dir():
+        raise ParameterError(f"expected folders of dances beside a folder of songs, got {folder}")
+    files = sorted(path for path in folder.iterdir() if path.is_file() and is_motion(path))
+    if not files:
+        raise ParameterError(f"expected motion files in {folder}, got none")
+    return {path.stem.removesuffix(".pkl"): path for path in files}  # Bailando writes SONG.pkl.npy
 
 
 @contextmanager

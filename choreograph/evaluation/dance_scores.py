@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.core.arguments import check_kind, check_text
+from choreograph.core.arguments import as_list, check_kind, check_text
 from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
@@ -134,22 +134,24 @@ def dance_scores(
 
 @default_numerics()
 def evaluate(
-    motion: Motion | Mapping[str, Motion],
-    song: Song | str | Path,
+    motion: Motion | Mapping[str, Motion | Sequence[Motion]],
+    song: Song | str | Path | Sequence[Song | str | Path],
     *,
     name: str = "dance",
     beats: str | Path = DEFAULT_TRACKER,
     repertoire: Repertoire | str | Path | None = None,
 ) -> Evaluation:
-    """Measure dances of any system to a song.
+    """Measure dances of any system to a song, or to several.
 
-    Dance and song start together, and the longer one is cut. `choreograph evaluate DANCE SONG` prints the
+    Dance and song start together, and the longer one is cut. With several songs, the tables show the mean and
+    the standard deviation over the songs. `choreograph evaluate DANCE SONG` prints the
     result, and `evaluation.results.to_json` returns it as text.
 
     Parameters
     ----------
-    motion : Motion or mapping   the dance, or several dances by name, which are compared in one table
-    song : Song or path   its song
+    motion : Motion or mapping   the dance, or several dances by name, which are compared in one table. With
+                                 several songs, a list of dances by name, one to each song
+    song : Song or path, or several   its song, or a list of songs
     name : str   how a single dance is named in the result
     beats : str or path   a beat tracker, or a file of beat times in seconds
     repertoire : Repertoire or path, optional   its takes and motifs, to which the dance is compared as well
@@ -174,45 +176,71 @@ def evaluate(
     >>> both = cg.evaluate({"take": motion, "slow": motion.sampled(np.arange(0, 100, 0.5))}, song)
     >>> list(both.variants)
     ['take', 'slow']
+    >>> of_two = cg.evaluate({"take": [motion, motion]}, [song, cg.example_songs()["waltz"]])
+    >>> of_two.facts["songs"]
+    ['house', 'waltz']
     """
     check_text("the name of a dance", name)
-    motions = _named(motion, name)
+    songs: list[Any] = list(song) if isinstance(song, list | tuple) else [song]
+    motions = _named(motion, name, len(songs) if isinstance(song, list | tuple) else None)
     as_path("beats to measure by", beats)
-    song = as_song("a song", song)
-    repertoire = None if repertoire is None else as_repertoire(repertoire)
-    for described, one in motions.values():
-        check_measurable(one, described)
-    music = song_music(song, beats)
+    return measured_dances(
+        [as_song("a song", one) for one in songs], motions, beats,
+        None if repertoire is None else as_repertoire(repertoire),
+    )  # fmt: skip
+
+
+def measured_dances(
+    songs: Sequence[Song],
+    motions: Mapping[str, tuple[str, Sequence[Motion | None]]],
+    beats: str | Path,
+    repertoire: Repertoire | None,
+) -> Evaluation:
+    """Measure dances to songs: a description of each column, and its dance to each song, or None.
+
+    Raises as `evaluate`.
+    """
+    for described, of_songs in motions.values():
+        for one in of_songs:
+            if one is not None:
+                check_measurable(one, described)
     scorer = MotifScorer(repertoire) if repertoire is not None and repertoire.has_vocabulary else None
-    notes = list(song.notes)
-    measured, examples = [], []
-    for variant, (described, whole) in motions.items():
-        one = whole.sliced(0, max(1, round(min(whole.duration_s, song.duration_s) * whole.fps)))
-        rng = np.random.default_rng(0)
-        scores, motifs = dance_scores(CountedDance(SINGLE, song.name, one), music, rng, scorer=scorer)
-        if repertoire is not None:
-            try:
-                scores |= _realism_scores(one, song, repertoire, rng)
-            except ParameterError as error:
-                of_one = f" of {described}" if len(motions) > 1 else ""
-                notes.append(f"no Fréchet distances{of_one}: {error}")
-        measured.append(MeasuredDance(variant, song.name, 0, scores))
-        examples.append(ExampleDance(variant, one, None, motifs))
-    template = scorer.template("") if scorer else None
-    example = ExampleSong(song.name, music.beats_s, tuple(examples), template)
-    facts = _facts(song, repertoire, beats, scorer)
+    notes: list[str] = []
+    measured: list[MeasuredDance] = []
+    shown: list[ExampleSong] = []
+    for index, song in enumerate(songs):
+        notes += song.notes
+        music, examples = song_music(song, beats), []
+        for variant, (described, of_songs) in motions.items():
+            whole = of_songs[index]
+            if whole is None:
+                continue
+            one = whole.sliced(0, max(1, round(min(whole.duration_s, song.duration_s) * whole.fps)))
+            rng = np.random.default_rng(0)
+            scores, motifs = dance_scores(CountedDance(SINGLE, song.name, one), music, rng, scorer=scorer)
+            if repertoire is not None:
+                try:
+                    scores |= _realism_scores(one, song, repertoire, rng)
+                except ParameterError as error:
+                    of_one = f" of {described}" if len(motions) > 1 else ""
+                    notes.append(f"no Fréchet distances{of_one}: {error}")
+            measured.append(MeasuredDance(variant, song.name, 0, scores))
+            examples.append(ExampleDance(variant, one, None, motifs))
+        template = scorer.template("") if scorer else None
+        shown.append(ExampleSong(song.name, music.beats_s, tuple(examples), template))
+    facts = _facts(songs, repertoire, beats, scorer)
     described_as = {variant: described for variant, (described, _) in motions.items()}
-    return Evaluation(facts, described_as, tuple(measured), (), tuple(notes), example)
+    return Evaluation(facts, described_as, tuple(measured), (), tuple(dict.fromkeys(notes)), shown[0])
 
 
 def _facts(
-    song: Song, repertoire: Repertoire | None, beats: str | Path, scorer: MotifScorer | None
+    songs: Sequence[Song], repertoire: Repertoire | None, beats: str | Path, scorer: MotifScorer | None
 ) -> dict[str, Any]:
     """What is evaluated and how."""
     return {
         "choreograph": version("choreograph"),
         "repertoire": repertoire.path.name if repertoire else None,
-        "songs": [song.name],
+        "songs": [song.name for song in songs],
         "seeds": 1,
         "beats": Path(beats).name,
         "second_beats": second_tracker(beats),
@@ -222,19 +250,31 @@ def _facts(
     }
 
 
-def _named(motion: object, name: str) -> dict[str, tuple[str, Motion]]:
-    """The description and the motion of each dance, by the name of its column."""
-    if not isinstance(motion, Mapping):
+def _named(motion: object, name: str, n_songs: int | None) -> dict[str, tuple[str, list[Motion | None]]]:
+    """The description and the dances of each column, by its name. `n_songs` is None for a single song."""
+    if n_songs is None and not isinstance(motion, Mapping):
         check_kind("the motion to evaluate", motion, Motion)
-        return {SINGLE: (name, motion)}  # type: ignore[dict-item]  # it was checked
-    if not motion:
-        raise ParameterError("expected a dance or more to evaluate, got none")
-    for of_one, one in motion.items():
+        return {SINGLE: (name, [motion])}  # type: ignore[list-item]  # it was checked
+    if not isinstance(motion, Mapping) or not motion or n_songs == 0:
+        raise ParameterError(
+            "expected a dance or more to evaluate, got none"
+            if isinstance(motion, Mapping)
+            else f"expected lists of dances by name beside several songs, got {type(motion).__name__}"
+        )
+    columns: dict[str, tuple[str, list[Motion | None]]] = {}
+    for of_one, given in motion.items():
         check_text("the name of a dance", of_one)
-        check_kind("the motion to evaluate", one, Motion)
         if of_one in (EXPERT, REAL, TAKES):
             raise ParameterError(f"expected another name of a dance than {of_one!r}, which stands for others")
-    return {of_one: (of_one, one) for of_one, one in motion.items()}
+        if n_songs is None:
+            check_kind("the motion to evaluate", given, Motion)
+        dances = [given] if n_songs is None else as_list(f"dances of {of_one}", given, "motions", Motion)
+        if len(dances) != (n_songs or 1):
+            raise ParameterError(
+                f"expected a dance of {of_one} to each of {n_songs} songs, got {len(dances)}"
+            )
+        columns[of_one] = of_one, list(dances)
+    return columns
 
 
 def _realism_scores(motion: Motion, song: Song, repertoire: Repertoire, rng: np.random.Generator) -> Scores:
