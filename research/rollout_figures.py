@@ -25,7 +25,7 @@ import choreograph as cg
 from choreograph.choreography.enforcement import danced_embeddings
 from choreograph.music.synthesis.song import render_song, write_song
 from choreograph.nets.rollout_poses import PosePredictor
-from choreograph.view.renderer import draw_strip
+from choreograph.view.strip import draw_strip
 
 GENRE = "salsa"
 TEMPI_BPM = (155, 220)  # of figure 8

@@ -69,7 +69,7 @@ _WITH_PLAN = (
 )  # fmt: skip
 @click.option("--genre", multiple=True, help="Genre to follow. With --relation free, one for each dancer.")
 @click.option(
-    "--character", multiple=True, type=_FILE, help="Character of each dancer in turn, in a .glb or .fbx."
+    "--character", multiple=True, type=_FILE, help="Character of each dancer in turn, in a .glb or .fbx each."
 )
 @click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire. Repeatable.")
 @click.option("--start", type=SongTime(), help="Where in the song to begin: 75.5, bar 9 or chorus 2 (0).")
@@ -82,8 +82,8 @@ _WITH_PLAN = (
 @click.option("--plan", "plan_path", type=_FILE, help="Render this plan of a scene. SONG is only its sound.")
 @click.option(
     "-o", "--output", multiple=True, type=_FILE,
-    help="File to write. Repeatable. .html: a page with all dancers. .json: the plan. .bvh and other formats "
-    "of motion: a file for each dancer, NAME-1.bvh. Default: SONG.bvh and SONG.html here.",
+    help="File to write. Repeatable. .html, .glb, .fbx, .mp4, .png: all dancers in one. .json: the plan. "
+    ".bvh and other formats: a file for each dancer, NAME-1.bvh. Default: SONG.bvh and SONG.html here.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace files that are not dances, if -o is not given.")
 @click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
@@ -118,7 +118,9 @@ def command(
         made = _made(song, plan_path, options, shown)
         for path in outputs:
             made.save(path, report=shown.report)
-    files = [one for path in outputs for one in scene_paths(path, len(made.dancers))]
+    characters = bool(options["character"])
+    n_made = len(made.dancers)
+    files = [one for path in outputs for one in scene_paths(path, n_made, characters=characters)]
     notes = (*notes, *made.notes)
     if as_json:
         click.echo(json.dumps(_facts(made, files, notes), indent=1))
@@ -178,8 +180,8 @@ def _check(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) -> N
     from choreograph.pipeline.saving import format_of
     from choreograph.pipeline.scene_saving import check_scene_outputs, scene_paths
 
-    check_scene_outputs(outputs, n_dancers)
-    written = [one for path in outputs for one in scene_paths(path, n_dancers)]
+    check_scene_outputs(outputs, n_dancers, characters=has_characters)
+    written = [one for path in outputs for one in scene_paths(path, n_dancers, characters=has_characters)]
     bases = [path for path in outputs if path not in written]
     check_apart([*written, *bases], input_files(except_for=("output",)))
     held = [path for path in outputs if format_of(path) in ("glb", "fbx")]

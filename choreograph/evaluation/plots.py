@@ -192,7 +192,7 @@ def convergence_figure(example: ExampleSong) -> Figure | None:
 
 def strips(example: ExampleSong) -> Mapping[str, bytes]:
     """PNG of the poses on the first beats of the song, by variant."""
-    from choreograph.view.renderer import draw_strip
+    from choreograph.view.strip import draw_strip
 
     pictures = {}
     for dance in example.dances:

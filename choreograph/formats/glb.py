@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from choreograph.motion.kinematics import to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
-from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
+from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin, palette_of
 
 ANIMATION_NAME = "dance"
 _ROUGHNESS = 0.85
@@ -39,16 +41,40 @@ class GlbWriter(Writer):
 
 def dance_document(motion: Motion) -> GltfDocument:
     """The document of a dance on the mannequin."""
-    mesh = build_mannequin(motion.skeleton, motion)
-    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
     document = GltfDocument.empty(GENERATOR)
-    _add_joints(document, motion, mesh, floor_m)
-    skin = _add_skin(document, mesh, floor_m)
-    body = document.add("nodes", {"name": "body", "mesh": _add_mesh(document, mesh, floor_m), "skin": skin})
-    document.add("scenes", {"name": "dance", "nodes": [0, body]})
+    root, body = _add_dancer(document, motion, build_mannequin(motion.skeleton, motion))
+    document.add("scenes", {"name": "dance", "nodes": [root, body]})
     document.json["scene"] = 0
     add_animation(document, motion)
     return document
+
+
+def scene_document(motions: Sequence[Motion], names: Sequence[str]) -> GltfDocument:
+    """The document of several dancers on mannequins of their own, with one animation of all.
+
+    Each has a node of its name, which holds its joints and its body. `motions` have one length and rate.
+    """
+    document = GltfDocument.empty(GENERATOR)
+    groups, tracks = [], []
+    for dancer, (motion, name) in enumerate(zip(motions, text_names(names), strict=True)):
+        mesh = build_mannequin(motion.skeleton, motion)
+        root, body = _add_dancer(document, motion, replace(mesh, palette=palette_of(dancer)))
+        groups.append(document.add("nodes", {"name": name, "children": [root, body]}))
+        tracks += _tracks(motion, root)
+    document.add("scenes", {"name": "dance", "nodes": groups})
+    document.json["scene"] = 0
+    times_s = frame_times_s(motions[0].n_frames, motions[0].fps)
+    document.add_animation(ANIMATION_NAME, times_s, tracks)
+    return document
+
+
+def _add_dancer(document: GltfDocument, motion: Motion, mesh: SkinnedMesh) -> tuple[int, int]:
+    """Add joints, skin and body of a dancer. Return the nodes of the first joint and of the body."""
+    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
+    root = _add_joints(document, motion, mesh, floor_m)
+    skin = _add_skin(document, mesh, floor_m, root)
+    node = {"name": "body", "mesh": _add_mesh(document, mesh, floor_m), "skin": skin}
+    return root, document.add("nodes", node)
 
 
 def as_dance(document: GltfDocument) -> GltfDocument:
@@ -61,10 +87,15 @@ def as_dance(document: GltfDocument) -> GltfDocument:
 
 def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:
     """Add the motion as an animation of nodes 0 to J - 1, which are its joints."""
+    document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), _tracks(motion, 0))
+
+
+def _tracks(motion: Motion, root: int) -> list[tuple[int, str, NDArray[np.float64]]]:
+    """The tracks of a motion whose joints are the nodes from `root` on."""
     quat = rot.make_continuous(motion.local_quat)  # (T, J, 4)
-    tracks = [(0, "translation", motion.root_pos_m)]
-    tracks += [(joint, "rotation", quat[:, joint]) for joint in range(motion.skeleton.n_joints)]
-    document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), tracks)
+    tracks = [(root, "translation", motion.root_pos_m)]
+    tracks += [(root + joint, "rotation", quat[:, joint]) for joint in range(motion.skeleton.n_joints)]
+    return tracks
 
 
 def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -74,9 +105,9 @@ def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _add_joints(
     document: GltfDocument, motion: Motion, mesh: SkinnedMesh, floor_m: NDArray[np.float64]
-) -> None:
-    """The joints in the bind pose, as the first nodes."""
-    skeleton = motion.skeleton
+) -> int:
+    """The joints in the bind pose, as the next nodes. Return the first one."""
+    skeleton, root = motion.skeleton, len(document.json.get("nodes", []))
     local = to_local(skeleton, mesh.bind_quat)  # (J, 4)
     for joint, name in enumerate(text_names(skeleton.names)):
         offset = skeleton.offsets_m[joint] if joint else mesh.bind_pos_m[0] - floor_m
@@ -85,17 +116,18 @@ def _add_joints(
             "translation": offset.tolist(),
             "rotation": gltf_quat(local[joint]).clip(-1.0, 1.0).tolist(),
         }
-        children = np.flatnonzero(skeleton.parents == joint).tolist()
+        children = (root + np.flatnonzero(skeleton.parents == joint)).tolist()
         document.add("nodes", node | ({"children": children} if children else {}))
+    return root
 
 
-def _add_skin(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64]) -> int:
+def _add_skin(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64], root: int) -> int:
     inverse = np.tile(np.eye(4), (len(mesh.bind_pos_m), 1, 1))  # (J, 4, 4)
     inverse[:, :3, :3] = rot.to_matrix(rot.invert(mesh.bind_quat))
     inverse[:, :3, 3] = -rot.rotate(rot.invert(mesh.bind_quat), mesh.bind_pos_m - floor_m)
     columns = inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)  # glTF stores columns
     skin = {
-        "joints": list(range(len(mesh.bind_pos_m))), "skeleton": 0,
+        "joints": list(range(root, root + len(mesh.bind_pos_m))), "skeleton": root,
         "inverseBindMatrices": document.accessor(columns),
     }  # fmt: skip
     return document.add("skins", skin)

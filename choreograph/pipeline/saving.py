@@ -46,6 +46,7 @@ _SAVED_DANCE = re.compile(
     + rb')"'
 )
 _STRIP_POSES = 40
+_WIDE: dict[str, Any] = {"tile": (560, 280), "columns": 3}  # pictures of several dancers
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,7 @@ class SavedParts:
     with_clicks: bool = False  # on the counts, in a video
     character: GltfCharacter | None = None  # that dances instead of the mannequin
     bvh: BvhOptions | None = None  # options of a .bvh
+    others: tuple[Motion, ...] = ()  # further dancers of a scene, in a video or in pictures
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -73,7 +75,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     check_apart([path], [*read, *([Path(character.document.name)] if character is not None else [])])
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
-        _save_document(path, as_dance(character.dancing(parts.motion)))
+        save_document(path, as_dance(character.dancing(parts.motion)))
     elif suffix in writers():
         writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
         writer.is_dance = True
@@ -85,10 +87,11 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
     """Write the character again, as GLB or FBX, with the motion as its animation. Raises as `save_dance`."""
     check_apart([path], [Path(character.document.name)])
-    _save_document(path, character.dancing(motion))
+    save_document(path, character.dancing(motion))
 
 
-def _save_document(path: str | Path, document: GltfDocument) -> None:
+def save_document(path: str | Path, document: GltfDocument) -> None:
+    """Write a document as GLB, or as FBX by Blender. Raises `FormatError` if Blender fails."""
     content = document.to_glb()
     with atomic_path(path) as temporary:
         if format_of(path) != "fbx":
@@ -189,22 +192,29 @@ def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) ->
     plan = parts.plan
     clicks = Clicks(plan.music_beats_s, plan.music_beat_numbers) if parts.with_clicks else None
     write_video(
-        path, parts.motion, song_path=parts.song_path, start_s=plan.start_s, clicks=clicks, report=report
+        path,
+        parts.motion,
+        others=parts.others,
+        song_path=parts.song_path,
+        start_s=plan.start_s,
+        clicks=clicks,
+        report=report,
     )
 
 
 def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
-    from choreograph.view.renderer import write_strip
+    from choreograph.view.strip import write_strip
 
     plan, duration_s = parts.plan, parts.motion.duration_s
+    shown_as: dict[str, Any] = {"others": parts.others, **(_WIDE if parts.others else {})}
     shown = _shown_beats(plan, duration_s)
     if len(shown) == 0:
         times_s = np.arange(0.0, duration_s)[:_STRIP_POSES]
-        write_strip(path, parts.motion, times_s.tolist())
+        write_strip(path, parts.motion, times_s.tolist(), **shown_as)
         return
     labels = _labels(plan)
     times_s = np.array(plan.music_beats_s)[shown]
-    write_strip(path, parts.motion, times_s.tolist(), labels=[labels[index] for index in shown])
+    write_strip(path, parts.motion, times_s.tolist(), labels=[labels[index] for index in shown], **shown_as)
 
 
 def _shown_beats(plan: Plan, duration_s: float) -> NDArray[np.int64]:

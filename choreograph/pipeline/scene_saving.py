@@ -6,33 +6,31 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport, substage
-from choreograph.formats import writers
-from choreograph.pipeline.saving import check_outputs, format_of
+from choreograph.formats.glb import as_dance, scene_document
+from choreograph.pipeline.saving import SavedParts, check_outputs, format_of, save_dance, save_document
 
 if TYPE_CHECKING:
     from choreograph.pipeline.scenes import Scene
 
-_TOGETHER = ("html", "json")  # formats of one file for all dancers
+_TOGETHER = ("html", "json", "glb", "fbx", "mp4", "png")  # formats of one file for all dancers
+_WITH_CHARACTERS = ("glb", "fbx")  # of which each dancer gets a file, if characters dance
 
 
-def scene_paths(path: str | Path, n_dancers: int) -> tuple[Path, ...]:
+def scene_paths(path: str | Path, n_dancers: int, *, characters: bool = False) -> tuple[Path, ...]:
     """The files that a scene writes for a path: the path itself, or NAME-1.bvh and so on for each dancer."""
     path = Path(path)
-    if n_dancers == 1 or format_of(path) in _TOGETHER:
+    together = format_of(path) in _TOGETHER and not (characters and format_of(path) in _WITH_CHARACTERS)
+    if n_dancers == 1 or together:
         return (path,)
     return tuple(path.with_name(f"{path.stem}-{number + 1}{path.suffix}") for number in range(n_dancers))
 
 
-def check_scene_outputs(paths: Sequence[str | Path], n_dancers: int) -> None:
+def check_scene_outputs(paths: Sequence[str | Path], n_dancers: int, *, characters: bool = False) -> None:
     """Raise `ParameterError` before any work if a format is unknown or a folder does not exist."""
     check_outputs(paths)
-    for path in paths:
-        if n_dancers > 1 and format_of(path) not in (*_TOGETHER, *writers()):
-            raise ParameterError(f"{path}: expected a format of scenes, got {format_of(path)}")
-    check_apart([one for path in paths for one in scene_paths(path, n_dancers)], ())
+    check_apart([one for path in paths for one in scene_paths(path, n_dancers, characters=characters)], ())
 
 
 def save_scene(
@@ -40,20 +38,25 @@ def save_scene(
 ) -> None:
     """Write a scene to `path` by its suffix. Raises as `Scene.save`."""
     n_dancers, suffix = len(scene.dancers), format_of(path)
-    check_scene_outputs([path], n_dancers)
-    read = [scene.song_path] if scene.song_path is not None else []
-    check_apart(scene_paths(path, n_dancers), read)
+    characters = any(dancer.character is not None for dancer in scene.dancers)
+    check_scene_outputs([path], n_dancers, characters=characters)
+    paths = scene_paths(path, n_dancers, characters=characters)
+    check_apart(paths, [scene.song_path] if scene.song_path is not None else [])
     if suffix == "json":
         with atomic_path(path) as temporary:
             temporary.write_text(scene.plan.to_json(), encoding="utf-8")
-    elif n_dancers > 1 and suffix == "html":
-        _save_page(scene, path, report)
-    else:
-        for dancer, own in zip(scene.dancers, scene_paths(path, n_dancers), strict=True):
-            used = suffix in ("glb", "fbx", "html") and dancer.character is not None
-            character = dancer.character if used else None
+    elif len(paths) == n_dancers:
+        for dancer, own in zip(scene.dancers, paths, strict=True):
+            used = suffix in (*_WITH_CHARACTERS, "html")
             click = with_clicks and suffix == "mp4"
-            dancer.dance.save(own, character=character, click=click, report=report)
+            dancer.dance.save(own, character=dancer.character if used else None, click=click, report=report)
+    elif suffix == "html":
+        _save_page(scene, path, report)
+    elif suffix in _WITH_CHARACTERS:
+        names = [dancer.name for dancer in scene.dancers]
+        save_document(path, as_dance(scene_document(scene.motions, names)))
+    else:
+        _save_pictures(scene, path, with_clicks, report)
 
 
 def _save_page(scene: Scene, path: Path, report: ProgressReport | None) -> None:
@@ -67,3 +70,12 @@ def _save_page(scene: Scene, path: Path, report: ProgressReport | None) -> None:
         motion_beats_s=leader.motion_beats_s, others=scene.motions[1:],
         report=substage(report, "writing the page"),
     )  # fmt: skip
+
+
+def _save_pictures(scene: Scene, path: Path, with_clicks: bool, report: ProgressReport | None) -> None:
+    leader = scene.dancers[0].dance
+    parts = SavedParts(
+        leader.motion, leader.plan, lambda: leader.motion_beats_s, scene.song_path, with_clicks,
+        others=scene.motions[1:],
+    )  # fmt: skip
+    save_dance(path, parts, report)

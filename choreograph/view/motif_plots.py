@@ -23,7 +23,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import signature
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
-from choreograph.view.renderer import write_strip
+from choreograph.view.strip import write_strip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -95,7 +95,7 @@ def write_motif_strip(
 ) -> None:
     """Write a PNG with a row for each word: its first, middle and last pose, centred and facing the front.
 
-    Raises errors as `view.renderer.write_strip` does.
+    Raises errors as `view.strip.write_strip` does.
     """
     poses = [_poses(word) for word in words]
     row = Motion(

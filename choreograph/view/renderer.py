@@ -1,22 +1,17 @@
-"""Software renderer of a mesh on a floor in studio light, cameras that follow a dancer, and pose strips."""
+"""Software renderer of a mesh on a floor in studio light, and cameras that follow a dancer."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
-from PIL.PngImagePlugin import PngInfo
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.files import atomic_path
 from choreograph.core.numerics import Floats
-from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.body import body_pos_m, ground_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
@@ -27,6 +22,7 @@ F32 = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
 
 _SHADE_TEXELS = 192  # of the square of floor that holds the shadow, along each side
+_LONE_M = 1.9  # from its middle, the reach of one body
 _CONTACT_TOP_M = 0.22  # only lower parts cast the contact shadow
 _KEY_TEXEL_M = 0.007
 _LARGEST_KEY_MAP = 1024
@@ -202,16 +198,25 @@ def _floor_shade(points: F32, triangles: NDArray[np.int32], key: F32, darkest: f
     whole body along the key light.
     """
     middle = np.floor(points[:, [0, 2]].mean(axis=0) / kernels.TEXEL_M)
-    origin = ((middle - _SHADE_TEXELS / 2) * kernels.TEXEL_M).astype(np.float32)
+    away_m = float(np.abs(points[:, [0, 2]] - middle * kernels.TEXEL_M).max())
+    n_texels = _SHADE_TEXELS
+    if away_m > _LONE_M:  # several dancers
+        n_texels += 2 * int((away_m - _LONE_M) / float(kernels.TEXEL_M))
+    origin = ((middle - n_texels / 2) * kernels.TEXEL_M).astype(np.float32)
     below = np.ascontiguousarray(triangles[:, ::-1])  # surfaces that face down cast it
     slant = -key[[0, 2]] / max(float(key[1]), 0.2) * 0.8
-    contact = blurred(floor_cover(points, below, np.zeros(2), origin, _CONTACT_TOP_M), 3)
-    cast = blurred(floor_cover(points, below, slant, origin, _CAST_TOP_M), 7)
+    contact = blurred(floor_cover(points, below, np.zeros(2), origin, _CONTACT_TOP_M, n_texels), 3)
+    cast = blurred(floor_cover(points, below, slant, origin, _CAST_TOP_M, n_texels), 7)
     return 1 - (1 - np.float32(darkest) * contact) * (1 - np.float32(0.6 * darkest) * cast), origin
 
 
 def floor_cover(
-    points: F32, triangles: NDArray[np.int32], slant: NDArray[np.floating], origin: F32, top_m: float
+    points: F32,
+    triangles: NDArray[np.int32],
+    slant: NDArray[np.floating],
+    origin: F32,
+    top_m: float,
+    n_texels: int = _SHADE_TEXELS,
 ) -> F32:
     """The share of light that each texel of the floor (N, N) loses to a mesh, 0 to 1, before it is blurred.
 
@@ -221,7 +226,7 @@ def floor_cover(
     flat = points[:, [0, 2]] + points[:, 1:2] * slant
     strength = 1 - np.maximum(points[:, 1:2], 0.0) / top_m
     places = np.concatenate([(flat - origin) / kernels.TEXEL_M + 0.5, strength], axis=1)
-    cover = np.zeros((_SHADE_TEXELS, _SHADE_TEXELS), np.float32)
+    cover = np.zeros((n_texels, n_texels), np.float32)
     kernels.rasterise(places.astype(np.float32), triangles, cover, np.empty(cover.shape, np.int32))
     return cover
 
@@ -251,7 +256,7 @@ def _unit(vector: NDArray[np.floating]) -> F32:
 # Cameras that follow a dancer.
 
 
-_FOV_RAD = float(np.radians(28.0))
+FOV_RAD = float(np.radians(28.0))
 _SIDE_RAD = float(np.radians(10.0))  # a body that is seen straight from the front looks flat
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
 _HIGH_OF_HEIGHT = 1.36  # height of the view: the body with raised arms and a margin
@@ -271,7 +276,7 @@ class Shots:
 
     def render(self, frame: int, size: tuple[int, int]) -> Pixels:
         """Frame `frame` as an image (H, W, 3)."""
-        camera = Camera(self.targets_m[frame] + self.towards_eye_m, self.targets_m[frame], _FOV_RAD)
+        camera = Camera(self.targets_m[frame] + self.towards_eye_m, self.targets_m[frame], FOV_RAD)
         return render_pose(self.mesh, self.pos_m[frame], self.global_quat[frame], camera, size=size)
 
 
@@ -308,7 +313,7 @@ def follow_camera(
     grid = np.arange(motion.n_frames)
     targets = np.stack([np.interp(frames, grid, ground[:, axis]) for axis in range(3)], axis=1)  # (T, 3)
     targets[:, 1] = _MIDDLE_OF_HEIGHT * height
-    distance = max(_HIGH_OF_HEIGHT, _WIDE_OF_HEIGHT / aspect) * height / (2 * np.tan(_FOV_RAD / 2))
+    distance = max(_HIGH_OF_HEIGHT, _WIDE_OF_HEIGHT / aspect) * height / (2 * np.tan(FOV_RAD / 2))
     level = np.array([np.sin(front_rad + _SIDE_RAD), 0.0, np.cos(front_rad + _SIDE_RAD)])
     rise = np.array([0.0, (_EYE_OF_HEIGHT - _MIDDLE_OF_HEIGHT) * height, 0.0])
     return Shots(mesh, pos_m, quat, targets, distance * level + rise)
@@ -320,80 +325,3 @@ def _ground_pos_m(motion: Motion) -> Floats:
         return ground_pos_m(body_pos_m(motion))
     except ParameterError:
         return motion.root_pos_m * [1.0, 0.0, 1.0]
-
-
-# Pose strips.
-
-
-_COLUMNS = 8
-_BAR = 0.085  # height of the bar of a label over the width of a tile
-_BAR_RGB, _TEXT_RGB = (62, 70, 92), (240, 238, 233)
-_GAP_PX = 2
-_MAX_PIXELS = 200_000_000
-
-
-def write_strip(
-    path: str | Path,
-    motion: Motion,
-    times_s: Sequence[float],
-    *,
-    labels: Sequence[str] | None = None,
-    columns: int | None = None,
-    tile: tuple[int, int] = (240, 320),
-    front_rad: float = 0.0,
-) -> None:
-    """Write the poses at `times_s` as one PNG with `columns` in a row (8, or fewer if there are fewer poses).
-
-    The camera stands with the audience, in the direction `front_rad`, 0 for +Z. `labels`, one for each pose,
-    are the times by default. `tile` is the size of one pose in pixels.
-
-    Raises `ParameterError` if there is no time, a time is outside of the motion, labels do not match, the
-    sheet would be empty or larger than 200 megapixels, or the folder is missing. Raises `ChoreographError` if
-    the file cannot be written.
-    """
-    sheet = draw_strip(motion, times_s, labels=labels, columns=columns, tile=tile, front_rad=front_rad)
-    about = PngInfo()
-    about.add_text("Software", DANCE_GENERATOR)
-    with atomic_path(path) as temporary:
-        Image.fromarray(sheet).save(temporary, format="PNG", pnginfo=about)
-
-
-def draw_strip(
-    motion: Motion,
-    times_s: Sequence[float],
-    *,
-    labels: Sequence[str] | None = None,
-    columns: int | None = None,
-    tile: tuple[int, int] = (240, 320),
-    front_rad: float = 0.0,
-) -> Pixels:
-    """The contact sheet of `write_strip`, (H, W, 3)."""
-    if labels is None:
-        labels = [f"{time:.2f} s" for time in times_s]
-    n_poses = len(times_s)
-    columns = min(_COLUMNS, n_poses) if columns is None else columns
-    if len(labels) != n_poses:
-        raise ParameterError(f"expected a label for each of {n_poses} poses, got {len(labels)}")
-    if min(*tile, columns, n_poses) < 1:
-        raise ParameterError(f"expected poses, columns and pixels, got {n_poses}, {columns} and {tile}")
-    width, height = tile
-    bar = round(_BAR * width)
-    rows = -(-n_poses // columns)
-    step_y, step_x = height + bar + _GAP_PX, width + _GAP_PX
-    if rows * step_y * columns * step_x > _MAX_PIXELS:
-        raise ParameterError(f"a sheet of {n_poses} poses of {width} x {height} pixels is too large")
-    shots = follow_camera(motion, times_s, aspect=width / height, front_rad=front_rad)
-    sheet = np.full((rows * step_y - _GAP_PX, columns * step_x - _GAP_PX, 3), 255, np.uint8)
-    for index, label in enumerate(labels):
-        y, x = index // columns * step_y, index % columns * step_x
-        sheet[y : y + height, x : x + width] = shots.render(index, tile)
-        sheet[y + height : y + height + bar, x : x + width] = _label(label, width, bar)
-    return sheet
-
-
-def _label(text: str, width: int, height: int) -> Pixels:
-    bar = Image.new("RGB", (width, height), _BAR_RGB)
-    if height >= 4:
-        font = ImageFont.load_default(size=0.72 * height)
-        ImageDraw.Draw(bar).text((width / 2, height / 2), text, fill=_TEXT_RGB, font=font, anchor="mm")
-    return np.asarray(bar)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from fractions import Fraction
 from pathlib import Path
@@ -18,7 +18,8 @@ from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.motion import Motion
-from choreograph.view.renderer import Pixels, Shots, follow_camera
+from choreograph.view.crowd import shots_of
+from choreograph.view.renderer import Pixels, Shots
 from choreograph.view.sound import Clicks, SongPart, aac_packets, aac_stream, silent_part, song_part
 
 # The first encoder of the installed PyAV is used. H.264 plays everywhere, and "mpeg4" is in every build.
@@ -44,6 +45,7 @@ def write_video(
     start_s: float = 0.0,
     clicks: Clicks | None = None,
     duration_s: float | None = None,
+    others: Sequence[Motion] = (),
     size: tuple[int, int] = (1280, 720),
     fps: float = 30.0,
     report: ProgressReport | None = None,
@@ -58,6 +60,7 @@ def write_video(
     start_s : time in the song at the first frame of the motion
     clicks : mixed into the song, or into silence
     duration_s : seconds to film from the start. None films the whole motion
+    others : further dancers of a scene, with the length and the rate of `motion`
     size : width and height in pixels, both even
     fps : pictures per second. Picture i shows the motion at i / fps
     report : called with the name of the stage, the steps that are done and their total
@@ -84,7 +87,7 @@ def write_video(
         part = song_part(song_path, start_s=start_s, duration_s=n_frames / fps)
     if clicks is not None:
         part = clicks.over(part or silent_part(n_frames / fps))
-    shots = follow_camera(motion, times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
+    shots = shots_of((motion, *others), times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
     try:
         with atomic_path(path) as temporary:
             return _encode(temporary, shots, part, size, fps, report)

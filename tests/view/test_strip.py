@@ -8,7 +8,7 @@ from PIL import Image
 from synthetic_motions import swaying
 
 from choreograph.core.errors import ParameterError
-from choreograph.view.renderer import draw_strip, write_strip
+from choreograph.view.strip import draw_strip, write_strip
 
 MOTION = swaying(60)
 TILE = (48, 64)
