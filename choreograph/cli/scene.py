@@ -82,8 +82,9 @@ _WITH_PLAN = (
 @click.option("--plan", "plan_path", type=_FILE, help="Render this plan of a scene. SONG is only its sound.")
 @click.option(
     "-o", "--output", multiple=True, type=_FILE,
-    help="File to write. Repeatable. .html, .glb, .fbx, .mp4, .png: all dancers in one. .json: the plan. "
-    ".bvh and other formats: a file for each dancer, NAME-1.bvh. Default: SONG.bvh and SONG.html here.",
+    help="File to write. Repeatable. .html, .glb, .fbx, .usda, .usdc, .mp4, .png: all dancers in one. "
+    ".json: the plan. .bvh and other formats: a file for each dancer, NAME-1.bvh. Default: SONG.bvh and "
+    "SONG.html here.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace files that are not dances, if -o is not given.")
 @click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")

@@ -52,14 +52,15 @@ def dance_document(motion: Motion) -> GltfDocument:
 def scene_document(motions: Sequence[Motion], names: Sequence[str]) -> GltfDocument:
     """The document of several dancers on mannequins of their own, with one animation of all.
 
-    Each has a node of its name, which holds its joints and its body. `motions` have one length and rate.
+    Each has a node of its name, which holds its joints, and a body. `motions` have one length and rate.
     """
     document = GltfDocument.empty(GENERATOR)
     groups, tracks = [], []
     for dancer, (motion, name) in enumerate(zip(motions, text_names(names), strict=True)):
         mesh = build_mannequin(motion.skeleton, motion)
         root, body = _add_dancer(document, motion, replace(mesh, palette=palette_of(dancer)))
-        groups.append(document.add("nodes", {"name": name, "children": [root, body]}))
+        document.entry("nodes", body)["name"] = f"{name} body"
+        groups += [document.add("nodes", {"name": name, "children": [root]}), body]
         tracks += _tracks(motion, root)
     document.add("scenes", {"name": "dance", "nodes": groups})
     document.json["scene"] = 0

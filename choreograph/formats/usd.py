@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, ident
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin
+from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin, palette_of
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -41,16 +42,7 @@ class UsdaWriter(Writer):
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`. Raises `ParameterError` without the package, `OSError` if writing fails."""
         require_usd(path)
-        from pxr import Tf
-
-        stage = dance_stage(motion)
-        stage.GetRootLayer().comment = DANCE_GENERATOR if self.is_dance else GENERATOR
-        try:
-            written = stage.GetRootLayer().Export(str(path))
-        except Tf.ErrorException as error:
-            raise OSError("USD could not write it: the disk is full, or writing is not allowed") from error
-        if not written:
-            raise OSError("USD could not write it")
+        export_stage(dance_stage(motion), path, DANCE_GENERATOR if self.is_dance else GENERATOR)
 
 
 class UsdcWriter(UsdaWriter):
@@ -99,6 +91,45 @@ def dance_stage(motion: Motion) -> Usd.Stage:
     weights = np.stack([mesh.weights[:, 0], 1.0 - mesh.weights[:, 0]], axis=1)  # a sum of exactly 1
     binding.CreateJointWeightsPrimvar(False, 2).Set(weights.astype(np.float32).ravel())
     return stage
+
+
+def scene_stage(motions: Sequence[Motion], names: Sequence[str]) -> Usd.Stage:
+    """Several dancers on one stage in memory, each as by `dance_stage` under a prim of its name.
+
+    `motions` have one length and rate.
+    """
+    from pxr import Gf, Sdf, Usd, UsdGeom
+
+    stage = Usd.Stage.CreateInMemory(".usda")
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetTimeCodesPerSecond(motions[0].fps)
+    stage.SetFramesPerSecond(motions[0].fps)
+    stage.SetStartTimeCode(0.0)
+    stage.SetEndTimeCode(float(motions[0].n_frames - 1))
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, _ROOT).GetPrim())
+    for dancer, (motion, name) in enumerate(zip(motions, identifiers(tuple(names)), strict=True)):
+        own = dance_stage(motion)
+        path = f"{_ROOT}/{name}"
+        Sdf.CopySpec(own.GetRootLayer(), Sdf.Path(_ROOT), stage.GetRootLayer(), Sdf.Path(path))
+        for part, colour in zip(PARTS, linear_light(palette_of(dancer)), strict=True):
+            shader = stage.GetPrimAtPath(f"{path}/Materials/{part}/Surface")
+            if shader:
+                shader.GetAttribute("inputs:diffuseColor").Set(Gf.Vec3f(*colour.tolist()))
+    return stage
+
+
+def export_stage(stage: Usd.Stage, path: Path, comment: str = DANCE_GENERATOR) -> None:
+    """Write a stage in the format of the suffix. Raises `OSError` if writing fails."""
+    from pxr import Tf
+
+    stage.GetRootLayer().comment = comment
+    try:
+        written = stage.GetRootLayer().Export(str(path))
+    except Tf.ErrorException as error:
+        raise OSError("USD could not write it: the disk is full, or writing is not allowed") from error
+    if not written:
+        raise OSError("USD could not write it")
 
 
 def _joint_paths(motion: Motion) -> list[str]:

@@ -46,7 +46,7 @@ _SAVED_DANCE = re.compile(
     + rb')"'
 )
 _STRIP_POSES = 40
-_WIDE: dict[str, Any] = {"tile": (560, 280), "columns": 3}  # pictures of several dancers
+_WIDE: dict[str, Any] = {"tile": (640, 220), "columns": 3}  # pictures of several dancers
 
 
 @dataclass(frozen=True, eq=False)

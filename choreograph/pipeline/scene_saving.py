@@ -9,12 +9,22 @@ from typing import TYPE_CHECKING
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.formats.glb import as_dance, scene_document
+from choreograph.formats.usd import export_stage, scene_stage
 from choreograph.pipeline.saving import SavedParts, check_outputs, format_of, save_dance, save_document
 
 if TYPE_CHECKING:
     from choreograph.pipeline.scenes import Scene
 
-_TOGETHER = ("html", "json", "glb", "fbx", "mp4", "png")  # formats of one file for all dancers
+_TOGETHER = (
+    "html",
+    "json",
+    "glb",
+    "fbx",
+    "usda",
+    "usdc",
+    "mp4",
+    "png",
+)  # formats of one file for all dancers
 _WITH_CHARACTERS = ("glb", "fbx")  # of which each dancer gets a file, if characters dance
 
 
@@ -55,6 +65,10 @@ def save_scene(
     elif suffix in _WITH_CHARACTERS:
         names = [dancer.name for dancer in scene.dancers]
         save_document(path, as_dance(scene_document(scene.motions, names)))
+    elif suffix in ("usda", "usdc"):
+        names = [dancer.name for dancer in scene.dancers]
+        with atomic_path(path) as temporary:
+            export_stage(scene_stage(scene.motions, names), temporary)
     else:
         _save_pictures(scene, path, with_clicks, report)
 

@@ -59,7 +59,7 @@ twist -6 … -15). Arms that travel 0.3 m and more between counts make the accen
 ("and") is another stop. Give it `flow=1.0` unless the stop is wanted. `hip_side` against the weight just
 taken moves the accent off the count. Home's 0.2 m between the feet does not scale with `size`: a foot that
 crosses or passes needs 0.15 m clear at 0.7 too, or a `bow`. Check strips from the front and the side
-(`choreograph.view.renderer.write_strip`). A move that ends with the other foot free alternates sides
+(`choreograph.view.strip.write_strip`). A move that ends with the other foot free alternates sides
 automatically. One that ends with the same foot free is repeated to the same side, so write both in 4 counts.
 """
 

@@ -18,7 +18,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.formats.bvh import BvhOptions
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.pipeline.saving import SavedParts, is_saved_dance, output_formats, save_dance
-from choreograph.view import renderer as strip
+from choreograph.view import strip
 from choreograph.view.video import write_video
 
 
@@ -27,7 +27,7 @@ def drawn(monkeypatch):
     """The times and labels of the strip that is saved."""
     seen = {}
 
-    def note(path, motion, times_s, *, labels=None):
+    def note(path, motion, times_s, *, labels=None, **_):
         seen.update(times_s=times_s, labels=labels)
 
     monkeypatch.setattr(strip, "write_strip", note)

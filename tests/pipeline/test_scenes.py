@@ -8,12 +8,14 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from PIL import Image
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
 from choreograph.core.counts import counts_later_s
 from choreograph.evaluation.metrics import scene as of_scene
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
+from choreograph.formats.gltf_files import read_gltf
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.mirroring import mirrored_motion
 from choreograph.pipeline.scene_saving import scene_paths
@@ -173,3 +175,52 @@ def test_other_arguments_are_refused_in_one_line(song, repertoire, arguments, sa
     with pytest.raises(cg.ChoreographError, match=says) as error:
         cg.scene(song, repertoire, **arguments, **SETTINGS)
     assert "\n" not in str(error.value)
+
+
+def test_a_glb_holds_all_skeletons(made, tmp_path):
+    scene = made(4, CHANGES, ("call-and-response", "10-20=mirror"))
+    scene.save(tmp_path / "a.glb")
+    document = read_gltf(tmp_path / "a.glb")
+    (animation,) = document.json["animations"]
+    assert len(document.json["skins"]) == 4
+    for dancer, (skin, motion) in enumerate(zip(document.json["skins"], scene.motions, strict=True)):
+        root = skin["joints"][0]
+        group = next(node for node in document.json["nodes"] if node.get("children") == [root])
+        assert group["name"] == scene.dancers[dancer].name
+        channels = {(c["target"]["node"], c["target"]["path"]): c["sampler"] for c in animation["channels"]}
+        samplers = [animation["samplers"][channels[root, path]] for path in ("translation", "rotation")]
+        places_m, turns = (document.array(sampler["output"]) for sampler in samplers)
+        assert np.abs(places_m - motion.root_pos_m).max() < 1e-5
+        same = np.abs(np.sum(np.roll(turns, 1, axis=1) * motion.local_quat[:, 0], axis=1))
+        assert np.abs(same - 1.0).max() < 1e-5
+
+
+def test_usd_holds_all_skeletons(made, tmp_path):
+    usd = pytest.importorskip("pxr.Usd")
+    from pxr import UsdSkel, UsdValidation
+
+    scene = made(3)
+    scene.save(tmp_path / "a.usdc")
+    stage = usd.Stage.Open(str(tmp_path / "a.usdc"))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert UsdValidation.ValidationContext(validators).Validate(stage) == []
+    cache = UsdSkel.Cache()
+    roots = [prim for prim in stage.Traverse() if prim.IsA(UsdSkel.Root)]
+    assert [prim.GetName() for prim in roots] == ["dancer_1", "dancer_2", "dancer_3"]
+    for root, motion in zip(roots, scene.motions, strict=True):
+        cache.Populate(UsdSkel.Root(root), usd.PrimDefaultPredicate)
+        query = cache.GetSkelQuery(UsdSkel.Skeleton(root.GetChild("Skeleton")))
+        for frame in (0, 333):
+            at = query.ComputeJointSkelTransforms(float(frame))[0].ExtractTranslation()
+            assert np.abs(np.array(at) - motion.root_pos_m[frame]).max() < 1e-4
+
+
+def test_pictures_show_all_dancers(made, tmp_path):
+    scene = made(3)
+    scene.save(tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        pixels = np.asarray(picture.crop((0, 0, 640, 220)).convert("RGB")).astype(int)
+    background = np.median(pixels, axis=1, keepdims=True)
+    columns = (np.abs(pixels - background).max(axis=2) > 70).any(axis=0)
+    bodies = np.flatnonzero(np.diff(np.concatenate([[0], columns.astype(int), [0]])) == 1)
+    assert len(bodies) >= 3 and np.ptp(bodies) > 150
