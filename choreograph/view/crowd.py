@@ -13,7 +13,7 @@ from choreograph.motion.skinned_mesh import SkinnedMesh, palette_of
 from choreograph.view.renderer import FOV_RAD, Shots, follow_camera
 
 _MARGIN_M = 1.0  # beside the outermost dancers: an arm to the side
-_EYE_M, _MIDDLE_M = 1.9, 0.9  # heights of the camera and of what it looks at, in front of one row
+_EYE_M, _MIDDLE_M = 1.9, 0.9  # heights of the camera and of its target
 _RISE = 0.08  # of the distance, by which the camera is higher, so that a row behind is seen
 
 
