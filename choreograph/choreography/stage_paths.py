@@ -21,7 +21,7 @@ from choreograph.motion.motion import Motion
 from choreograph.render.scene import ground_shift_m
 
 LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground
-_MARGIN_M = 0.02  # for what the locking of feet changes
+MARGIN_M = 0.02  # for frames between those that are compared
 SPACING_M = 1.8  # of neighbours in a formation, at least
 _WIDER = 1.04  # a formation, where two bodies are too near
 _PUSH_M = 0.06  # on the way to another formation, in each pass
@@ -68,12 +68,18 @@ class StagePaths:
 
 
 def plan_paths(
-    bodies: Sequence[StageBody], knots: Sequence[Knot], *, symmetric: bool, hidden_s: float
+    bodies: Sequence[StageBody],
+    knots: Sequence[Knot],
+    *,
+    symmetric: bool,
+    hidden_s: float,
+    margin_m: float = MARGIN_M,
 ) -> StagePaths:
     """The places of all dancers (N) at the knots (K).
 
     If `symmetric`, dancers left and right of the axis remain mirror images. `hidden_s` is how long a dancer
-    may be hidden from the audience.
+    may be hidden from the audience. `margin_m` is added to the least gap, for feet that stay behind where
+    they stand.
     """
     n, crowd = len(bodies), _Crowd.of(bodies, np.array([knot.time_s for knot in knots]))
     order = _order(knots, symmetric)  # (K, N) places of dancers
@@ -85,7 +91,7 @@ def plan_paths(
         wanted_m = formation_m + common_m[:, None]
         places_m = _nearly(wanted_m, at_knots_m)
         paths_m = crowd.paths_m(places_m)  # (N, T, 2)
-        conflicts, gap_m = crowd.conflicts(paths_m)
+        conflicts, gap_m = crowd.conflicts(paths_m, margin_m)
         if conflicts:
             layout.resolve(conflicts, symmetric=symmetric, wider=done >= _PUSHING_PASSES)
             continue
@@ -137,20 +143,24 @@ class _Layout:
         With `wider`, formations beside a way are made wider as well.
         """
         pushed_m, widened = np.zeros(self.aside_m.shape), np.zeros(len(self.knots), bool)
+        parted = np.zeros(len(self.knots), bool)  # both sides of the axis
+        on_axis = self.aside_m.shape[1] % 2
         for conflict in conflicts:
             beside = {conflict.knot, max(conflict.knot - 1, 0)}
             on_way = [index for index in beside if self.knots[index].on_way]
             for index in on_way:
                 pushed_m[index, conflict.one] -= _PUSH_M * conflict.towards
                 pushed_m[index, conflict.other] += _PUSH_M * conflict.towards
+            across = min(conflict.one, conflict.other) >= on_axis and (conflict.one + conflict.other) % 2
             if wider or not on_way:
-                widened[list(beside)] = True
+                (parted if symmetric and across else widened)[list(beside)] = True
         if symmetric:
-            on_axis = self.aside_m.shape[1] % 2
             right, left = pushed_m[:, on_axis::2], pushed_m[:, on_axis + 1 :: 2]
             mean = 0.5 * (right + left * [-1.0, 1.0])
             pushed_m[:, on_axis::2], pushed_m[:, on_axis + 1 :: 2] = mean, mean * [-1.0, 1.0]
             pushed_m[:, :on_axis, 0] = 0.0
+            self.aside_m[parted, on_axis::2, 0] += _PUSH_M
+            self.aside_m[parted, on_axis + 1 :: 2, 0] -= _PUSH_M
         self.aside_m[...] += pushed_m.clip(-_MOST_PUSH_M, _MOST_PUSH_M)
         self.scale[widened] *= _WIDER
 
@@ -234,14 +244,10 @@ class _Crowd:
                 ground = body.motion.root_pos_m[rows][:, [0, 2]]
                 joints = body_pos_m(_frames(body.motion, rows))[..., [0, 2]] - ground[:, None]
                 known[id(body)] = ground, joints
-        radii = [
-            next((radius for name, radius in _RADII_M.items() if name in joint), _RADIUS_M)
-            for joint in BODY_JOINTS
-        ]
         both = [known[id(body)] for body in bodies]
         return cls(
             bodies, times_s, rows, np.searchsorted(rows, at_knots), np.array([one[0] for one in both]),
-            np.array([one[1] for one in both]), np.array(radii),
+            np.array([one[1] for one in both]), _radii_m(),
         )  # fmt: skip
 
     def paths_m(self, places_m: Floats) -> Floats:
@@ -254,7 +260,7 @@ class _Crowd:
             ]
         )
 
-    def conflicts(self, paths_m: Floats) -> tuple[list[_Conflict], float]:
+    def conflicts(self, paths_m: Floats, margin_m: float) -> tuple[list[_Conflict], float]:
         """Where two bodies are nearest in each span between knots, if too near, and the least gap in metres.
 
         The gap is measured along the line between the roots, which bounds the true one from below.
@@ -264,13 +270,10 @@ class _Crowd:
         span = span.clip(0, len(self.times_s) - 1)
         for one, other in combinations(range(len(paths_m)), 2):
             apart = paths_m[other] - paths_m[one]  # (T, 2)
-            distance = np.linalg.norm(apart, axis=-1)
-            towards = apart / np.maximum(distance, 1e-9)[:, None]
-            reach = ((self.reach_m[one] @ towards[:, :, None])[..., 0] + self.radii_m).max(axis=1)
-            back = ((-self.reach_m[other] @ towards[:, :, None])[..., 0] + self.radii_m).max(axis=1)
-            gap = distance - reach - back
+            towards = apart / np.maximum(np.linalg.norm(apart, axis=-1), 1e-9)[:, None]
+            gap = _gaps_m(apart, self.reach_m[one], self.reach_m[other], self.radii_m)
             least_m = min(least_m, float(gap.min()))
-            short = np.flatnonzero(gap < LEAST_GAP_M + _MARGIN_M)
+            short = np.flatnonzero(gap < LEAST_GAP_M + margin_m)
             for knot in np.unique(span[short]).tolist():
                 worst = short[span[short] == knot]
                 row = int(worst[np.argmin(gap[worst])])
@@ -295,6 +298,35 @@ class _Crowd:
                 knots = np.searchsorted(self.knot_rows, [first, stop]).clip(0, len(aside) - 1)
                 aside[max(0, knots[0] - 1) : knots[1] + 1, dancer] = side
         return aside
+
+
+def least_gap_m(motions: Sequence[Motion]) -> float:
+    """The least gap of any two finished dancers in metres, bounded from below as in planning."""
+    every = np.arange(0, motions[0].n_frames, 2)
+    ground_m = np.array([motion.root_pos_m[every][:, [0, 2]] for motion in motions])  # (N, T, 2)
+    joints_m = np.array([body_pos_m(_frames(motion, every))[..., [0, 2]] for motion in motions])
+    reach_m, radii_m = joints_m - ground_m[:, :, None], _radii_m()
+    return min(
+        float(_gaps_m(ground_m[other] - ground_m[one], reach_m[one], reach_m[other], radii_m).min())
+        for one, other in combinations(range(len(motions)), 2)
+    )
+
+
+def _gaps_m(apart_m: Floats, reach_m: Floats, other_m: Floats, radii_m: Floats) -> Floats:
+    """Gaps (T,) of two bodies whose roots are `apart_m` (T, 2), by the reach (T, J, 2) of their joints."""
+    distance = np.linalg.norm(apart_m, axis=-1)
+    towards = (apart_m / np.maximum(distance, 1e-9)[:, None])[:, :, None]
+    reach = ((reach_m @ towards)[..., 0] + radii_m).max(axis=1)
+    back = ((-other_m @ towards)[..., 0] + radii_m).max(axis=1)
+    gaps_m: Floats = distance - reach - back
+    return gaps_m
+
+
+def _radii_m() -> Floats:
+    """The radius of the body around each joint (J,)."""
+    return np.array(
+        [next((r for name, r in _RADII_M.items() if name in joint), _RADIUS_M) for joint in BODY_JOINTS]
+    )
 
 
 def _spans(on: np.ndarray) -> list[tuple[int, int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -15,7 +15,15 @@ from choreograph.choreography.formations import formation_places
 from choreograph.choreography.relations import Relation, dancer_parts, pair_of
 from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, value_at
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.choreography.stage_paths import Knot, StageBody, StagePaths, plan_paths
+from choreograph.choreography.stage_paths import (
+    LEAST_GAP_M,
+    MARGIN_M,
+    Knot,
+    StageBody,
+    StagePaths,
+    least_gap_m,
+    plan_paths,
+)
 from choreograph.core.arguments import (
     as_list,
     as_texts,
@@ -38,7 +46,7 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import DEFAULTS, Dance
 from choreograph.pipeline.session import Session
 from choreograph.render.rendering import render
-from choreograph.render.scene import DancedParts, of_height, render_scene
+from choreograph.render.scene import DancedParts, of_height, on_stage, render_scene
 from choreograph.scene_plan import MOST_DANCERS, DancerPart, PlannedDancer, ScenePlan
 from choreograph.settings import DanceConfig, DanceSettings, as_config
 
@@ -46,6 +54,7 @@ _HEIGHTS = (1.0, 0.96, 1.04, 0.98, 1.02, 0.94)  # of the bodies of pairs, from t
 _CHANGE_COUNTS = 12  # before a border, in which dancers go to another formation
 _SHORTEST_S = 2.0  # between two times at which dancers are at places
 _HIDDEN_BARS = 2
+_MOST_TRIES = 6  # to keep the finished bodies apart, whose feet may stay behind
 _USUAL_BAR_S = 2.0  # of a song without bars
 _STEPS = 100
 
@@ -314,15 +323,27 @@ def _planned(
     bars_s = np.diff(features.counts.downbeat_times_s)
     bar_s = float(np.median(bars_s)) if len(bars_s) else _USUAL_BAR_S
     symmetric = all(one.kind == "mirror" for one in related)
-    paths = plan_paths(bodies, knots, symmetric=symmetric, hidden_s=_HIDDEN_BARS * bar_s)
     times_s = tuple(knot.time_s for knot in knots)
-    dancers = tuple(
-        PlannedDancer(
-            name, heights[index], all_parts[index], times_s,
-            tuple(paths.places_m[:, index, 0].tolist()), tuple(paths.places_m[:, index, 1].tolist()),
+    margin_m = MARGIN_M
+    for _ in range(_MOST_TRIES):
+        paths = plan_paths(
+            bodies, knots, symmetric=symmetric, hidden_s=_HIDDEN_BARS * bar_s, margin_m=margin_m
         )
-        for index, name in enumerate(names)
-    )  # fmt: skip
+        dancers = tuple(
+            PlannedDancer(
+                name, heights[index], all_parts[index], times_s,
+                tuple(paths.places_m[:, index, 0].tolist()), tuple(paths.places_m[:, index, 1].tolist()),
+            )
+            for index, name in enumerate(names)
+        )  # fmt: skip
+        made = [
+            on_stage(DancedParts(body.motion, body.contacts), replace(dancer, height=1.0))
+            for body, dancer in zip(bodies, dancers, strict=True)
+        ]
+        gap_m = least_gap_m(made)
+        if gap_m >= LEAST_GAP_M:
+            break
+        margin_m += LEAST_GAP_M - gap_m + 0.01
     return ScenePlan(plans, dancers), _notes(paths)
 
 
