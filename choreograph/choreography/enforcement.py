@@ -19,8 +19,8 @@ from choreograph.choreography.mixer.words import (
 )
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.errors import NoPathError
-from choreograph.core.numerics import Floats, Indices
-from choreograph.core.timebase import NET_FPS, WORD_FPS
+from choreograph.core.numerics import Floats, Indices, frame_blocks
+from choreograph.core.timebase import NET_FPS, WORD_FPS, frame_times_s, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import poses_at, segment_words
 from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_frame
@@ -52,7 +52,7 @@ def danced_embeddings(
     motion: Motion, bounds_s: NDArray[np.float64], repertoire: Repertoire
 ) -> NDArray[np.float32]:
     """The embedding of each word (N, D) of a motion segmented at `bounds_s` (N + 1,), nan if too short."""
-    body = body_pos_m(motion.resampled(WORD_FPS))
+    body = _body_at_word_rate(motion)
     inside = np.clip(bounds_s, 0.0, (len(body) - 1) / WORD_FPS)
     words = segment_words(body, WORD_FPS, inside)
     medoids = repertoire.vocabulary.motifs.embeddings  # (K, D)
@@ -61,6 +61,16 @@ def danced_embeddings(
         slots = np.searchsorted(bounds_s, (words.start_s + words.end_s) / 2, side="right") - 1
         embeddings[slots] = repertoire.word_net().embed(words.body_pos_m)
     return embeddings
+
+
+def _body_at_word_rate(motion: Motion) -> NDArray[np.float64]:
+    """Body positions (T, 21, 3) of `motion.resampled(WORD_FPS)`, in blocks, since a long dance is large."""
+    if motion.fps == WORD_FPS:
+        return body_pos_m(motion)
+    n_frames = max(1, seconds_to_frames(motion.duration_s, WORD_FPS))
+    frames = frame_times_s(n_frames, WORD_FPS) * motion.fps
+    parts = [body_pos_m(motion.sampled(frames[block], fps=WORD_FPS)) for block in frame_blocks(n_frames)]
+    return np.concatenate(parts)
 
 
 def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.int64]:

@@ -30,7 +30,7 @@ from choreograph.choreography.motif_sequences import (
 )
 from choreograph.choreography.passage_slots import PassageSlots, passage_slots
 from choreograph.choreography.slots import ResolvedConstraints
-from choreograph.core.numerics import Floats, Indices, chi_square_distance
+from choreograph.core.numerics import Floats, Indices, chi_square_distance, frame_blocks
 from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import signature
@@ -148,6 +148,7 @@ def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
 
 _FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
 _VARIED_COUNTS = 4  # at the end of a phrase that returns, as by the cost `form` of the graph engine
+_SLOTS_AT_ONCE = 128  # whose words with a finite cost are looked up
 _NO_MOTIF = -1  # in a slot that is not drawn yet
 # A dance is drawn once more for each 20 words. With more draws, seeds of short dances share the nearest one.
 _WORDS_A_DRAW, _MOST_DRAWS = 20, 8
@@ -312,8 +313,9 @@ class _Draw:
 def _with_a_word(costs: Floats, vocabulary: Vocabulary) -> NDArray[np.bool_]:
     """Motifs (N, K) that have a word with a finite cost (N, W) in each slot."""
     found = np.zeros((len(costs), vocabulary.n_motifs), bool)
-    slot, word = np.nonzero(np.isfinite(costs))
-    found[slot, vocabulary.word_motif[word]] = True
+    for slots in frame_blocks(len(costs), _SLOTS_AT_ONCE):
+        slot, word = np.nonzero(np.isfinite(costs[slots]))
+        found[slots.start + slot, vocabulary.word_motif[word]] = True
     return found
 
 
