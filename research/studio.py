@@ -32,6 +32,7 @@ import numpy as np
 from choreograph.choreography.edits import edit_slots
 from choreograph.library.words import dance_bounds_s
 from choreograph.music.synthesis.song import render_song, write_song
+from research.studio_page import frames, page_times
 
 _POLL_S = 0.02
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -266,12 +267,18 @@ def main() -> None:
     parser.add_argument("--chains", type=int, default=100)
     parser.add_argument("--length", type=int, default=20)
     parser.add_argument("--hour", type=int, default=1200)
+    parser.add_argument("--page", type=int, default=0, help="changes measured on the page, and frames")
+    parser.add_argument("--changes", type=int, default=10, help="changes measured through the API")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     with TemporaryDirectory() as folder:
         for seconds in args.seconds:
             with running(Path(folder), seconds, args.db, args.seed) as studio:
-                times(studio, np.random.default_rng(args.seed))
+                if args.changes:
+                    times(studio, np.random.default_rng(args.seed), args.changes)
+                if args.page:
+                    page_times(studio, np.random.default_rng(args.seed), args.page)
+                    frames(studio)
         if args.edits or args.chains or args.hour:
             with running(Path(folder), 40.0, args.db, args.seed) as studio:
                 single_edits(studio, args.edits, np.random.default_rng(args.seed))

@@ -38,10 +38,12 @@ export class Actions {
     player.play();
   }
 
+  // Dance an alternative. Until it is there, what comes before it is played, which is the same in both dances.
   choose(alternative) {
     return attempt(async () => {
-      await this.store.change("choose", { id: alternative.id });
       this.playFrom(alternative.start_s);
+      await this.store.change("choose", { id: alternative.id });
+      if (this.getPlayer().time > alternative.start_s) this.playFrom(alternative.start_s);
       say("Changed. Undo with Ctrl+Z.");
     });
   }

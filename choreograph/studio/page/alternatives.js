@@ -5,6 +5,7 @@ import { post } from "./api.js";
 import { attempt } from "./messages.js";
 
 const SHOWN = 8;
+const AGAIN_MS = 700; // after another dance is shown
 
 export class Alternatives {
   constructor(store, jobs, actions, figures, getPlayer) {
@@ -13,7 +14,7 @@ export class Alternatives {
     this.note = document.getElementById("alternatives-note");
     store.addEventListener("spanend", () => this.look());
     store.addEventListener("span", () => { if (!store.span) this.#empty(); });
-    store.addEventListener("shown", () => { if (this.key && this.key !== this.#key()) this.look(); });
+    store.addEventListener("shown", () => this.#lookAgain());
   }
 
   #key() {
@@ -27,6 +28,13 @@ export class Alternatives {
     this.figures.clear(this.list);
     this.list.replaceChildren();
     this.note.textContent = "";
+  }
+
+  // Look again when another dance is there, a moment later, so that it plays first.
+  #lookAgain() {
+    clearTimeout(this.waiting);
+    if (!this.key || this.key === this.#key()) return;
+    this.waiting = setTimeout(() => { if (this.key && this.key !== this.#key()) this.look(); }, AGAIN_MS);
   }
 
   // Look again if the panel is opened with another span or dance than it has shown.
@@ -99,13 +107,15 @@ export class Alternatives {
       };
       this.figures.wake();
     };
+    const end = () => {
+      if (was) player.loop.on = was.looping;
+      was = figure.clock = null;
+    };
     const stop = () => {
       if (!was) return;
-      player.loop.on = was.looping;
       if (!was.playing) player.pause();
       player.seek(was.time);
-      was = null;
-      figure.clock = null;
+      end();
     };
     // Not `pointerenter`, which also comes when new figures appear under a pointer at rest.
     button.addEventListener("pointermove", ({ movementX, movementY, pointerType }) => {
@@ -113,11 +123,11 @@ export class Alternatives {
     });
     button.addEventListener("focus", () => { if (button.matches(":focus-visible")) start(); });
     for (const name of ["pointerleave", "blur"]) button.addEventListener(name, stop);
-    button.stop = stop;
+    button.end = end;
   }
 
   async #choose(alternative, button) {
-    button.stop?.();
+    button.end?.(); // what is chosen is played from its start
     button.setAttribute("aria-busy", "true");
     await this.actions.choose(alternative);
     button.removeAttribute("aria-busy");

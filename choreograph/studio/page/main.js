@@ -55,6 +55,7 @@ class Studio {
     this.lanes = null; // made with the first dance
     this.dance = null; // the one shown
     this.song = null;
+    this.played = { dancer: null, at: 0 }; // the dancer that was played last, and when first, in ms of the page
     this.shown = Promise.resolve(); // once the newest state is shown
     new Drop({
       song: (file) => this.openSong(file),
@@ -126,7 +127,7 @@ class Studio {
       await this.store.refresh(); // the dance has changed since
       return;
     }
-    this.lanes.redraw();
+    if (!isNew) this.lanes.redraw();
     $("stage").dataset.revision = state.revision;
     this.store.tellShown();
   }
@@ -150,6 +151,7 @@ class Studio {
       this.player.open(dance, `/api/song/audio?of=${encodeURIComponent(state.song.name)}`);
       this.store.select(null);
     }
+    const onStage = this.view.show(state); // asks for the motion, which comes while the timeline is drawn
     dance.levels_per_s = this.levelsPerS;
     this.dance = dance;
     this.counts = new Counts(dance);
@@ -159,10 +161,10 @@ class Studio {
     $("time-all").textContent = clockText(dance.duration_s, true);
     $("time-now").style.setProperty("--digits", $("time-all").textContent.length);
     this.recolour();
-    await this.view.show(state);
+    await onStage;
     if (!this.controls) this.controls = new Controls(this.player, this.view.camera, this.lanes, () => this.view.wake());
-    this.floor.show(this.view.path());
-    this.recolour();
+    this.floor.show(this.view.path(), this.player.time);
+    this.shownTake = null; // the stage may be a new one
     const unmet = dance.unmet ?? [];
     if (unmet.length && unmet.join() !== this.unmet) say(unmet.join(" "), { error: true });
     this.unmet = unmet.join();
@@ -205,6 +207,9 @@ class Studio {
   #showTime(time) {
     const { lanes, dance } = this;
     if (!lanes) return;
+    if (this.player.playing && this.played.dancer !== this.view.stage.dancer) {
+      this.played = { dancer: this.view.stage.dancer, at: performance.now() };
+    }
     lanes.show(time);
     const text = clockText(time, true), count = this.counts.textAt(time);
     if (text !== this.text) {
@@ -242,6 +247,7 @@ class Studio {
       get locks() { return store.state?.locks ?? []; },
       get dance() { return store.dance; },
       get busy() { return document.body.getAttribute("aria-busy") === "true"; },
+      get playedSince() { return studio.played.at; }, // the dance that is shown
       get framesDrawn() { return view.stage?.drawn ?? 0; },
       get loop() { return { ...player.loop }; },
       seek(timeS) { player.seek(timeS); },

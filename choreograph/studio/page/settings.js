@@ -2,11 +2,11 @@
 
 import { createElement } from "/page/elements.js";
 
-const WAIT_MS = 180; // after the last move of a slider
+const WAIT_MS = 180; // after the last move of a slider that is still held
 
 export class Settings {
   constructor(store, actions) {
-    Object.assign(this, { store, actions, waiting: 0, changes: {}, built: "" });
+    Object.assign(this, { store, actions, waiting: 0, sending: false, changes: {}, built: "" });
     this.box = document.getElementById("settings-form");
     this.sliders = document.getElementById("weights");
     document.getElementById("roll").addEventListener("click", () => this.roll());
@@ -93,6 +93,7 @@ export class Settings {
       label.append(hint);
     }
     input.addEventListener("input", () => { this.#showWeight(input); this.#change(changesOf(Number(Number(input.value).toFixed(2)))); });
+    input.addEventListener("change", () => this.#send()); // it is released
     input.addEventListener("dblclick", () => { input.value = preset; input.dispatchEvent(new Event("input")); });
     return label;
   }
@@ -107,11 +108,19 @@ export class Settings {
     const weights = { ...this.changes.weights, ...changes.weights };
     Object.assign(this.changes, changes, Object.keys(weights).length ? { weights } : {});
     clearTimeout(this.waiting);
-    this.waiting = setTimeout(async () => {
-      const sent = this.changes;
-      this.changes = {};
-      const done = await this.actions.settings(sent, this.span);
-      if (!done) this.show(); // back to what is danced
-    }, WAIT_MS);
+    this.waiting = setTimeout(() => this.#send(), WAIT_MS);
+  }
+
+  // Send what has changed. What changes meanwhile is sent when the dance with these settings is there.
+  async #send() {
+    clearTimeout(this.waiting);
+    if (this.sending || !Object.keys(this.changes).length) return;
+    const sent = this.changes;
+    this.changes = {};
+    this.sending = true;
+    const done = await this.actions.settings(sent, this.span);
+    this.sending = false;
+    if (Object.keys(this.changes).length) this.#send();
+    else if (!done) this.show(); // back to what is danced
   }
 }

@@ -46,8 +46,7 @@ export async function decompressMotion(text, dance) {
     }
     for (let j = 0; j < joints; j++) {
       const at = (3 + 3 * j) * frames + t;
-      const vector = [steps[at] * turn, steps[at + frames] * turn, steps[at + 2 * frames] * turn];
-      rotationVectorInto(quats, 4 * (t * joints + j), ...vector);
+      rotationVectorInto(quats, 4 * (t * joints + j), steps[at] * turn, steps[at + frames] * turn, steps[at + 2 * frames] * turn);
     }
   }
   return { roots, quats };

@@ -23,7 +23,7 @@ export function slerpInto(out, o, a, i, b, j, f) {
 }
 
 export function rotationVectorInto(out, o, x, y, z) {
-  const angle = Math.hypot(x, y, z);
+  const angle = Math.sqrt(x * x + y * y + z * z); // Math.hypot is several times slower
   const s = angle < 1e-8 ? 0.5 : Math.sin(angle / 2) / angle;
   out[o] = Math.cos(angle / 2);
   out[o + 1] = x * s;

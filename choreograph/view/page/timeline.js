@@ -60,7 +60,7 @@ export class Timeline {
       this.redraw();
     }
     this.wasInside = this.#inside(timeS);
-    this.playhead.style.transform = `translateX(${this.x(timeS)}px)`;
+    moveTo(this.playhead, this.x(timeS));
     this.#showOverviewHead(timeS);
   }
 
@@ -237,8 +237,16 @@ export class Timeline {
     const head = document.getElementById("overview-head");
     head.hidden = this.overview.hidden;
     const x = (timeS / this.durationS) * this.overview.clientWidth;
-    if (!head.hidden) head.style.transform = `translateX(${x}px)`;
+    if (!head.hidden) moveTo(head, x);
   }
+}
+
+// Move an element to x by whole pixels of the screen. What does not move is not drawn again.
+function moveTo(element, x) {
+  const ratio = devicePixelRatio || 1, rounded = Math.round(x * ratio) / ratio;
+  if (element.movedTo === rounded) return;
+  element.movedTo = rounded;
+  element.style.transform = `translateX(${rounded}px)`;
 }
 
 export function clockText(timeS, tenths) {

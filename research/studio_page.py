@@ -1,0 +1,184 @@
+"""The studio in headless Chromium: times until a change plays on the page, and what a frame costs.
+
+`research/studio.py --page` starts it. Chromium renders in software here, so that frames a second say little
+about a machine with a graphics card. Therefore, what the page itself does in a frame is measured apart from
+the rasterising, in CPU time of the process that does it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from browsers import SWIFTSHADER, until  # noqa: E402
+
+SIZE = 1280, 800
+_PATIENCE_S = 120.0
+_SETTLED_S = 1.0  # before a change, so that nothing of the one before is measured
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+# From the next event of a name until the first frame of the changed dance was drawn while the song played.
+_WATCH = """(name) => {
+  const { revision } = studio;
+  performance.clearResourceTimings();
+  window.measured = new Promise((done) => addEventListener(name, () => {
+    const began = performance.now();
+    const look = () => {
+      const isShown = studio.shownRevision > revision && studio.shownRevision === studio.revision;
+      if (!isShown || studio.playedSince < began) return requestAnimationFrame(look);
+      const entries = performance.getEntriesByType("resource").filter((e) => e.startTime >= began - 1);
+      const requests = entries.map((e) => [
+        new URL(e.name).pathname, e.startTime - began, e.responseEnd - began, e.encodedBodySize]);
+      const plays = studio.playedSince - began;
+      done({ plays, requests: requests.filter((one) => one[2] <= plays) });
+    };
+    requestAnimationFrame(look);
+  }, { capture: true, once: true }));
+}"""
+
+# Draws nothing from now on, and counts what would be drawn.
+_NO_DRAWING = """() => {
+  const kind = WebGL2RenderingContext.prototype;
+  for (const name of ["drawElements", "drawArrays", "clear"]) kind[name] = () => {};
+}"""
+
+
+@contextmanager
+def open_page(address: str, *, scheme: str = "dark") -> Iterator[Page]:
+    """A page of a studio with a dance."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=SWIFTSHADER)
+        page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme=scheme)
+        page.set_default_timeout(1000 * _PATIENCE_S)
+        page.goto(address)
+        until(page, "window.studio !== undefined", timeout_s=_PATIENCE_S)
+        _shown(page)
+        yield page
+        browser.close()
+
+
+def _shown(page: Page) -> None:
+    ready = "studio.dance && !studio.busy && studio.shownRevision === studio.revision"
+    until(page, ready, timeout_s=_PATIENCE_S)
+
+
+def page_times(studio: Any, rng: np.random.Generator, n: int) -> None:
+    """Print the times until a chosen alternative and a moved weight play on the page, each `n` times."""
+    with open_page(studio.address) as page:
+        page.keyboard.press("Space")
+        until(page, "studio.playing && studio.time > 0.2", timeout_s=_PATIENCE_S)
+        _print(studio, "a weight moved, until it plays on the page", [_weight(page, rng) for _ in range(n)])
+        page.click("#tab-change")
+        _print(studio, "an alternative chosen, until it plays", [_choice(page, rng) for _ in range(n)])
+
+
+def _weight(page: Page, rng: np.random.Generator) -> dict[str, Any]:
+    """Press on the slider of a weight, at a random place."""
+    page.click("#tab-settings")
+    slider = page.locator("[data-weight=" + str(rng.choice(["transition", "pace", "energy", "variety"])) + "]")
+    slider.scroll_into_view_if_needed()
+    page.wait_for_timeout(1000 * _SETTLED_S)
+    page.evaluate(_WATCH, "pointerup")
+    box = slider.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + float(rng.uniform(0.1, 0.9)) * box["width"], box["y"] + box["height"] / 2)
+    return _measured(page)
+
+
+def _choice(page: Page, rng: np.random.Generator) -> dict[str, Any]:
+    """Select a span of four seconds, and press one of its alternatives."""
+    page.evaluate("studio.seek(0)")
+    box = page.locator("#timeline").bounding_box()
+    assert box is not None
+    x, y = box["x"] + float(rng.uniform(0.05, 0.8)) * box["width"], box["y"] + 100
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 80, y, steps=4)  # four seconds of a song that is longer than the window
+    page.mouse.up()
+    until(page, "document.querySelectorAll('#alternatives button').length > 3", timeout_s=_PATIENCE_S)
+    page.locator("#alternatives button").nth(int(rng.integers(4))).hover()
+    page.wait_for_timeout(1000 * _SETTLED_S)
+    page.evaluate(_WATCH, "click")
+    page.mouse.down()
+    page.mouse.up()
+    return _measured(page)
+
+
+def _measured(page: Page) -> dict[str, Any]:
+    found: dict[str, Any] = page.evaluate("window.measured")
+    _shown(page)
+    return found
+
+
+def _print(studio: Any, what: str, found: list[dict[str, Any]]) -> None:
+    plays_s = np.array([one["plays"] for one in found]) / 1000
+    answered_s = np.array([max(end for *_, end, _ in one["requests"]) for one in found]) / 1000
+    sent_kb = [sum(size for *_, size in one["requests"]) / 1000 for one in found]
+    print(
+        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s; the server has sent all "
+        f"{np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
+        flush=True,
+    )
+
+
+def frames(studio: Any, seconds: float = 6.0) -> None:
+    """Print frames a second, and CPU time in a frame: of the page's own work, and of rasterising."""
+    with open_page(studio.address) as page:
+        page.keyboard.press("Space")
+        until(page, "studio.playing && studio.time > 0.2", timeout_s=_PATIENCE_S)
+        page.wait_for_timeout(4000)  # until the resolution has settled
+        for what, script in (("all is drawn", None), ("nothing is drawn in WebGL", _NO_DRAWING)):
+            if script:
+                page.evaluate(script)
+            _print_frames(page, what, seconds)
+
+
+def _print_frames(page: Page, what: str, seconds: float) -> None:
+    metrics = page.context.new_cdp_session(page)
+    metrics.send("Performance.enable", {"timeDomain": "threadTicks"})
+
+    def reading() -> dict[str, float]:
+        found = {one["name"]: one["value"] for one in metrics.send("Performance.getMetrics")["metrics"]}
+        drawn = page.evaluate("[studio.framesDrawn, performance.now() / 1000]")
+        return {**found, "frames": drawn[0], "at_s": drawn[1], "gpu_s": _gpu_process_s()}
+
+    before = reading()
+    page.wait_for_timeout(1000 * seconds)
+    after = reading()
+    spent = {name: after[name] - before[name] for name in before}
+    n = max(spent["frames"], 1)
+    size = page.evaluate("(({ width, height }) => [width, height])(document.getElementById('view'))")
+    per_frame = {name: 1000 * spent[name] / n for name in
+                 ("ScriptDuration", "LayoutDuration", "RecalcStyleDuration", "TaskDuration", "gpu_s")}  # fmt: skip
+    print(
+        f"  {what}, {size[0]} x {size[1]} pixels: {n / spent['at_s']:.1f} frames a second; in a frame, the main "
+        f"thread of the page needs {per_frame['TaskDuration']:.2f} ms, of which scripts "
+        f"{per_frame['ScriptDuration']:.2f} ms, style and layout "
+        f"{per_frame['LayoutDuration'] + per_frame['RecalcStyleDuration']:.2f} ms; the process that rasterises "
+        f"{per_frame['gpu_s']:.1f} ms",
+        flush=True,
+    )
+
+
+def _gpu_process_s() -> float:
+    """CPU time of the processes of Chromium that rasterise in place of a graphics card."""
+    total = 0
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (folder / "cmdline").read_bytes()
+            fields = (folder / "stat").read_text().rpartition(")")[2].split()
+        except OSError:  # it has ended
+            continue
+        if b"--type=gpu-process" in command:
+            total += int(fields[11]) + int(fields[12])
+    return total / _TICKS_PER_S
