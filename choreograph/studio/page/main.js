@@ -172,7 +172,7 @@ class Studio {
 
   #openLanes(dance) {
     this.lanes = new Lanes(this.store, dance, this.levels, this.counts, this.player, {
-      onHover: (block, x) => this.card.show(block, $("timeline").getBoundingClientRect().left + x, this.colours),
+      onHover: (block, x) => this.card.show(this.selection.dragging ? null : block, $("timeline").getBoundingClientRect().left + x, this.colours),
       gestures: selectingGestures(this.selection, (at, counts) => this.actions.moveSeam(at, counts)),
     });
     const { store, selection, actions, tabs, lanes, player } = this;

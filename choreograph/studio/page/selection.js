@@ -11,7 +11,7 @@ const RULER_PX = 16; // dragging the ruler seeks
 
 export class Selection {
   constructor(store, getCounts) {
-    Object.assign(this, { store, getCounts, snaps: true });
+    Object.assign(this, { store, getCounts, snaps: true, dragging: false });
   }
 
   // The count nearest to a time, or the time itself.
@@ -113,6 +113,7 @@ export function selectingGestures(selection, moveSeam) {
       this.click = { x, moved: event.shiftKey };
       return (x2) => {
         if (Math.abs(x2 - x) > CLICK_PX) this.click.moved = true;
+        selection.dragging = this.click.moved; // the card of a block would cover the dance
         if (this.click.moved) selection.set(still, timeline.timeAt(x2), { free: event.altKey });
       };
     }
@@ -129,6 +130,7 @@ export function selectingGestures(selection, moveSeam) {
     #finish() {
       const { click, seam, timeline } = this;
       this.seam = null;
+      selection.dragging = false;
       timeline.showSeam(null);
       if (seam) { if (seam.counts) moveSeam(seam.at, seam.counts); return; }
       this.click = null;

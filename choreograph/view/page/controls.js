@@ -42,7 +42,11 @@ export class Controls {
   #changeSpeed() { this.player.setSpeed(SPEEDS[(SPEEDS.indexOf(this.player.speed) + 1) % SPEEDS.length]); }
   #mirror() { this.camera.mirrored = !this.camera.mirrored; this.show(); }
   #follow() { this.camera.following = !this.camera.following; this.show(); }
-  #help() { document.getElementById("keys").showModal(); }
+  #help() {
+    const keys = document.getElementById("keys");
+    keys.showModal();
+    keys.scrollTop = 0; // and not at the button, which has the focus
+  }
 
   #key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || document.getElementById("keys").open) return;
