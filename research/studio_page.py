@@ -20,7 +20,7 @@ from playwright.sync_api import Page, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
-from browsers import SWIFTSHADER, until  # noqa: E402
+from browsers import SWIFTSHADER, until
 
 SIZE = 1280, 800
 _PATIENCE_S = 120.0
@@ -46,7 +46,31 @@ _WATCH = """(name) => {
   }, { capture: true, once: true }));
 }"""
 
-# Draws nothing from now on, and counts what would be drawn.
+# Counts what is drawn: calls, triangles, points, and bytes that are sent for it.
+_COUNTED = """() => {
+  const kind = WebGL2RenderingContext.prototype;
+  window.counted = { calls: 0, triangles: 0, points: 0, bytes: 0 };
+  const add = (gl, mode, n) => {
+    counted.calls += 1;
+    if (mode === gl.POINTS) counted.points += n;
+    else counted.triangles += mode === gl.TRIANGLES ? n / 3 : n - 2;
+  };
+  const { drawElements, drawArrays, bufferSubData } = kind;
+  kind.drawElements = function (mode, n, ...more) {
+    add(this, mode, n);
+    drawElements.call(this, mode, n, ...more);
+  };
+  kind.drawArrays = function (mode, at, n) {
+    add(this, mode, n);
+    drawArrays.call(this, mode, at, n);
+  };
+  kind.bufferSubData = function (at, from, data) {
+    counted.bytes += data.byteLength;
+    bufferSubData.call(this, at, from, data);
+  };
+}"""
+
+# Draws nothing from now on.
 _NO_DRAWING = """() => {
   const kind = WebGL2RenderingContext.prototype;
   for (const name of ["drawElements", "drawArrays", "clear"]) kind[name] = () => {};
@@ -85,7 +109,9 @@ def page_times(studio: Any, rng: np.random.Generator, n: int) -> None:
 def _weight(page: Page, rng: np.random.Generator) -> dict[str, Any]:
     """Press on the slider of a weight, at a random place."""
     page.click("#tab-settings")
-    slider = page.locator("[data-weight=" + str(rng.choice(["transition", "pace", "energy", "variety"])) + "]")
+    slider = page.locator(
+        "[data-weight=" + str(rng.choice(["transition", "pace", "energy", "variety"])) + "]"
+    )
     slider.scroll_into_view_if_needed()
     page.wait_for_timeout(1000 * _SETTLED_S)
     page.evaluate(_WATCH, "pointerup")
@@ -125,8 +151,8 @@ def _print(studio: Any, what: str, found: list[dict[str, Any]]) -> None:
     answered_s = np.array([max(end for *_, end, _ in one["requests"]) for one in found]) / 1000
     sent_kb = [sum(size for *_, size in one["requests"]) / 1000 for one in found]
     print(
-        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s; the server has sent all "
-        f"{np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
+        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s; the server has sent "
+        f"all {np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
         flush=True,
     )
 
@@ -137,10 +163,15 @@ def frames(studio: Any, seconds: float = 6.0) -> None:
         page.keyboard.press("Space")
         until(page, "studio.playing && studio.time > 0.2", timeout_s=_PATIENCE_S)
         page.wait_for_timeout(4000)  # until the resolution has settled
-        for what, script in (("all is drawn", None), ("nothing is drawn in WebGL", _NO_DRAWING)):
-            if script:
-                page.evaluate(script)
-            _print_frames(page, what, seconds)
+        _print_frames(page, "all is drawn", seconds)
+        page.evaluate(_COUNTED)
+        before = page.evaluate("studio.framesDrawn")
+        page.wait_for_timeout(1000)
+        counted = page.evaluate("counted")
+        n = max(page.evaluate("studio.framesDrawn") - before, 1)
+        print("  of a frame: " + ", ".join(f"{round(value / n)} {name}" for name, value in counted.items()))
+        page.evaluate(_NO_DRAWING)
+        _print_frames(page, "nothing is drawn in WebGL", seconds)
 
 
 def _print_frames(page: Page, what: str, seconds: float) -> None:
@@ -158,27 +189,30 @@ def _print_frames(page: Page, what: str, seconds: float) -> None:
     spent = {name: after[name] - before[name] for name in before}
     n = max(spent["frames"], 1)
     size = page.evaluate("(({ width, height }) => [width, height])(document.getElementById('view'))")
-    per_frame = {name: 1000 * spent[name] / n for name in
-                 ("ScriptDuration", "LayoutDuration", "RecalcStyleDuration", "TaskDuration", "gpu_s")}  # fmt: skip
+    names = "ScriptDuration", "LayoutDuration", "RecalcStyleDuration", "TaskDuration", "gpu_s"
+    scripts, layout, style, whole, rasterising = (1000 * spent[name] / n for name in names)
     print(
-        f"  {what}, {size[0]} x {size[1]} pixels: {n / spent['at_s']:.1f} frames a second; in a frame, the main "
-        f"thread of the page needs {per_frame['TaskDuration']:.2f} ms, of which scripts "
-        f"{per_frame['ScriptDuration']:.2f} ms, style and layout "
-        f"{per_frame['LayoutDuration'] + per_frame['RecalcStyleDuration']:.2f} ms; the process that rasterises "
-        f"{per_frame['gpu_s']:.1f} ms",
+        f"  {what}, {size[0]} x {size[1]} pixels: {n / spent['at_s']:.1f} frames a second; in a frame, the "
+        f"main thread of the page needs {whole:.2f} ms, of which scripts {scripts:.2f} ms, style and layout "
+        f"{layout + style:.2f} ms; the process that rasterises {rasterising:.1f} ms",
         flush=True,
     )
 
 
 def _gpu_process_s() -> float:
-    """CPU time of the processes of Chromium that rasterise in place of a graphics card."""
-    total = 0
+    """CPU time of the process of this Chromium that rasterises in place of a graphics card."""
+    parent, command, ticks = {}, {}, {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            command = (folder / "cmdline").read_bytes()
+            line = (folder / "cmdline").read_bytes()
             fields = (folder / "stat").read_text().rpartition(")")[2].split()
         except OSError:  # it has ended
             continue
-        if b"--type=gpu-process" in command:
-            total += int(fields[11]) + int(fields[12])
-    return total / _TICKS_PER_S
+        pid = int(folder.name)
+        parent[pid], command[pid], ticks[pid] = int(fields[1]), line, int(fields[11]) + int(fields[12])
+
+    def is_ours(pid: int) -> bool:
+        return pid == os.getpid() or (pid in parent and is_ours(parent[pid]))
+
+    found = [pid for pid in parent if b"--type=gpu-process" in command[pid] and is_ours(pid)]
+    return sum(ticks[pid] for pid in found) / _TICKS_PER_S

@@ -67,13 +67,19 @@ export class Renderer {
       normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
     };
     attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
+    body.points = gl.createVertexArray(); // every second vertex, enough for a shadow that is blurred
+    gl.bindVertexArray(body.points);
+    gl.bindBuffer(gl.ARRAY_BUFFER, body.buffers.places);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
+    gl.bindVertexArray(body.skinned);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
   }
 
   readColours() {
     const { exposure, ...colours } = stageColours();
-    Object.assign(this, { colours, exposure });
+    Object.assign(this, { colours, exposure, ground: colours.floor.map((v) => 0.12 + 0.55 * v * v) });
   }
 
   // Fit the drawing buffer to the element. `still` is for a picture that will not change.
@@ -107,18 +113,20 @@ export class Renderer {
 
   // The part of the shadow's square that can hold a shadow, -1 to 1: [x, z, half width, half depth].
   #shadeBounds(p, [x, z, half]) {
-    const low = [1, 1], high = [-1, -1];
+    const { slide } = this;
+    let left = 1, back = 1, right = -1, front = -1;
     for (let i = 0; i < p.length; i += 3) {
-      [p[i] - this.slide[0] * p[i + 1] - x, p[i + 2] - this.slide[1] * p[i + 1] - z].forEach((off, k) => {
-        low[k] = Math.min(low[k], (off - SHADOW_MARGIN_M) / half);
-        high[k] = Math.max(high[k], (off + SHADOW_MARGIN_M) / half);
-      });
+      const offX = p[i] - slide[0] * p[i + 1] - x, offZ = p[i + 2] - slide[1] * p[i + 1] - z;
+      left = Math.min(left, (offX - SHADOW_MARGIN_M) / half);
+      right = Math.max(right, (offX + SHADOW_MARGIN_M) / half);
+      back = Math.min(back, (offZ - SHADOW_MARGIN_M) / half);
+      front = Math.max(front, (offZ + SHADOW_MARGIN_M) / half);
     }
-    const [left, back, right, front] = [...low, ...high].map((v) => clamp(v, -1, 1));
+    left = clamp(left, -1, 1); right = clamp(right, -1, 1); back = clamp(back, -1, 1); front = clamp(front, -1, 1);
     return [(left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2];
   }
 
-  #drawShadow({ mesh, skinned }, centre) {
+  #drawShadow({ mesh, skinned, points }, centre) {
     const { gl, shadow, blur, shades } = this;
     gl.viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
     gl.disable(gl.DEPTH_TEST);
@@ -131,8 +139,9 @@ export class Renderer {
     gl.useProgram(shadow.program);
     gl.uniform3fv(shadow.uCentre, centre);
     gl.uniform2fv(shadow.uSlide, this.slide);
-    gl.bindVertexArray(skinned);
-    gl.drawArrays(gl.POINTS, 0, mesh.weights.length);
+    const isQuick = this.resolution.slowMachine && !this.still;
+    gl.bindVertexArray(isQuick ? points : skinned);
+    gl.drawArrays(gl.POINTS, 0, mesh.weights.length >> (isQuick ? 1 : 0));
     gl.disable(gl.BLEND);
     gl.useProgram(blur.program);
     gl.uniform1i(blur.uSource, 0);
@@ -160,7 +169,7 @@ export class Renderer {
     gl.uniform3fv(body.uEye, eye);
     gl.uniform3fv(body.uLight, this.light);
     gl.uniform3fv(body.uRim, this.rim);
-    gl.uniform3fv(body.uGround, colours.floor.map((v) => 0.12 + 0.55 * v * v));
+    gl.uniform3fv(body.uGround, this.ground);
     gl.uniform1f(body.uExposure, this.exposure);
     for (const { skinned, mesh } of this.bodies) {
       gl.bindVertexArray(skinned);
