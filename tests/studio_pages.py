@@ -63,7 +63,7 @@ def opening(browser, address: str, size=WIDE, **options) -> Iterator:
     until(page, "window.studio !== undefined")
     yield page
     context.close()
-    assert complaints == []
+    assert complaints == [], complaints
 
 
 def shown(page, condition: str = "true") -> None:

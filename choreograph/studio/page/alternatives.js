@@ -23,6 +23,7 @@ export class Alternatives {
   }
 
   #empty() {
+    clearTimeout(this.waiting);
     this.asked?.abort();
     this.key = "";
     this.figures.clear(this.list);
@@ -32,9 +33,10 @@ export class Alternatives {
 
   // Look again when another dance is there, a moment later, so that it plays first.
   #lookAgain() {
-    clearTimeout(this.waiting);
     if (!this.key || this.key === this.#key()) return;
-    this.waiting = setTimeout(() => { if (this.key && this.key !== this.#key()) this.look(); }, AGAIN_MS);
+    this.#empty(); // they are of the dance before
+    this.note.textContent = "Looking for alternatives";
+    this.waiting = setTimeout(() => this.look(), AGAIN_MS);
   }
 
   // Look again if the panel is opened with another span or dance than it has shown.
