@@ -36,7 +36,13 @@ export class Alternatives {
     if (!this.key || this.key === this.#key()) return;
     this.#empty(); // they are of the dance before
     this.note.textContent = "Looking for alternatives";
-    this.waiting = setTimeout(() => this.look(), AGAIN_MS);
+    this.#lookSoon();
+  }
+
+  // Not while the dance is being changed, when the question would be of a dance that is no longer there.
+  #lookSoon() {
+    const isChanging = () => this.jobs.running || this.store.changing;
+    this.waiting = setTimeout(() => { if (isChanging()) this.#lookSoon(); else this.look(); }, AGAIN_MS);
   }
 
   // Look again if the panel is opened with another span or dance than it has shown.
