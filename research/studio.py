@@ -1,13 +1,15 @@
 """What the studio does and costs: times of changes, edits through its API, chains of edits, and memory.
 
-    python research/studio.py [--db rep.h5] [--seconds 60 180] [--edits 100] [--chains 100] [--length 20]
-        [--hour 1200] [--seed 0]
+    python research/studio.py [--db rep.h5] [--seconds 60 180] [--changes 10] [--page 10] [--edits 100]
+        [--chains 100] [--length 20] [--hour 1200] [--seed 0]
 
 A server is started in a process of its own, with a synthesised song, and is asked as its page asks it. Times
-are from the request until the changed dance has been sent, in wall time and in CPU time of the server. For
-random edits, the script prints the seconds that changed outside of the span and two beats on either side. A
-chain of edits is closed and opened again in the middle and at the end, and its motions are compared bit by
-bit. At last come as many requests as in an hour of work, and the memory of the server.
+are from the request until the changed dance has been sent, in wall time and in CPU time of the server. With
+`--page`, Chromium opens the page, and the times are until a moved weight and a chosen alternative play there.
+Then follows what a frame costs (see `research/studio_page.py`). For random edits, the script prints the
+seconds that changed outside of the span and two beats on either side. A chain of edits is closed and opened
+again in the middle and at the end, and its motions are compared bit by bit. At last come as many requests as
+in an hour of work, and the memory of the server.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from choreograph.library.words import dance_bounds_s
 from choreograph.music.synthesis.song import render_song, write_song
 from research.studio_page import frames, page_times
 
+EDITS = "swap", "vary", "hold", "pin_take", "seam", "cut", "repeat"
 _POLL_S = 0.02
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
@@ -175,19 +178,24 @@ def random_edit(
     bounds_s = np.array([0.0, *bounds_s[1:-1], dance["duration_s"]])
     length_s = float(rng.uniform(1.0, 6.0))
     start_s = float(rng.uniform(0.0, dance["duration_s"] - length_s))
-    end_s, kind = start_s + length_s, int(rng.integers(5))
-    body: dict[str, Any] = {"from": start_s, "to": end_s, "seed": int(rng.integers(3))}
+    end_s, kind = start_s + length_s, EDITS[int(rng.integers(len(EDITS)))]
     slots = edit_slots(start_s, end_s, bounds_s)
     first, stop = slots.first, slots.stop
-    if kind < 2:
-        body["kind"] = ("swap", "vary")[kind]
-    elif kind == 2:
-        body |= {"kind": "pin_take", "take": str(rng.choice([take["name"] for take in dance["takes"]]))}
-    else:
+    path, body = "/api/edit", {"kind": kind, "from": start_s, "to": end_s, "seed": int(rng.integers(3))}
+    if kind == "pin_take":
+        body["take"] = str(rng.choice([take["name"] for take in dance["takes"]]))
+    elif kind == "cut":
+        body["section"] = int(rng.integers(len(dance["sections"])))
+    elif kind == "repeat":
         first = int(rng.integers(0, len(bounds_s) - 1 - (slots.stop - slots.first)))
         stop = first + slots.stop - slots.first
-        body |= {"kind": "repeat", "at": float(bounds_s[first]), "mirrored": kind == 4}
-    job = studio.change("/api/edit", **body)
+        body |= {"at": float(bounds_s[first]), "mirrored": bool(rng.integers(2))}
+    elif kind == "seam":
+        path, counts = "/api/seam", int(rng.choice([-4, -3, -2, -1, 1, 2, 3, 4]))
+        body = {"at": float(rng.choice(dance["joins"] or [start_s])), "counts": counts}
+        slot = int(np.abs(bounds_s - body["at"]).argmin())
+        first, stop = (int(np.clip(at, 0, len(bounds_s) - 1)) for at in sorted((slot, slot + counts)))
+    job = studio.change(path, **body)
     return None if job["state"] != "done" else (job, (float(bounds_s[first]), float(bounds_s[stop])))
 
 

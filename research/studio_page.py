@@ -126,13 +126,20 @@ def _choice(page: Page, rng: np.random.Generator) -> dict[str, Any]:
     page.evaluate("studio.seek(0)")
     box = page.locator("#timeline").bounding_box()
     assert box is not None
-    x, y = box["x"] + float(rng.uniform(0.05, 0.8)) * box["width"], box["y"] + 100
+    x, y = (
+        box["x"] + float(rng.uniform(0.05, 0.8)) * box["width"],
+        box["y"] + 40,
+    )  # the wave, where no join is
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 80, y, steps=4)  # four seconds of a song that is longer than the window
     page.mouse.up()
-    until(page, "document.querySelectorAll('#alternatives button').length > 3", timeout_s=_PATIENCE_S)
-    page.locator("#alternatives button").nth(int(rng.integers(4))).hover()
+    until(page, "document.getElementById('alternatives-note').innerText", timeout_s=_PATIENCE_S)
+    until(page, "document.getElementById('alternatives').ariaBusy !== 'true'", timeout_s=_PATIENCE_S)
+    n_found = page.locator("#alternatives button").count()
+    if n_found == 0:  # nothing else fits there
+        return _choice(page, rng)
+    page.locator("#alternatives button").nth(int(rng.integers(n_found))).hover()
     page.wait_for_timeout(1000 * _SETTLED_S)
     page.evaluate(_WATCH, "click")
     page.mouse.down()
