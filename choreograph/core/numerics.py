@@ -201,10 +201,9 @@ class Memory:
 
     def value(self, compute: Callable[[], _Item], *inputs: object) -> _Item:
         """The value that `compute` returns, or the one that it returned for the same inputs."""
-        return compute() if self._kept is None else self._value(compute, self.key(*inputs))
-
-    def _value(self, compute: Callable[[], _Item], key: bytes) -> _Item:
-        assert self._kept is not None
+        if self._kept is None:
+            return compute()
+        key = self.key(*inputs)
         kept = self._kept.get(key)
         if kept is None:
             kept = (compute(),)
@@ -225,7 +224,7 @@ class Memory:
         latest, key = self.key("latest", *common), self.key(*common, *inputs)
         keys: tuple[bytes, ...] = self._kept.get(latest) or ()
         kept = [item for item in map(self._kept.get, keys) if item is not None]
-        value = self._value(lambda: compute([item[0] for item in kept]), key)
+        value = self.value(lambda: compute([item[0] for item in kept]), *common, *inputs)
         keys = (key, *(other for other in keys if other != key))[:_LAST_VALUES]
         self._kept.keep(latest, keys, _n_bytes(keys))
         return value
