@@ -27,55 +27,6 @@ _PATIENCE_S = 120.0
 _SETTLED_S = 1.0  # before a change, so that nothing of the one before is measured
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
-# From the next event of a name until the first frame of the changed dance was drawn while the song played.
-_WATCH = """(name) => {
-  const { revision } = studio;
-  performance.clearResourceTimings();
-  window.measured = new Promise((done) => addEventListener(name, () => {
-    const began = performance.now();
-    const look = () => {
-      const isShown = studio.shownRevision > revision && studio.shownRevision === studio.revision;
-      if (!isShown || studio.playedSince < began) return requestAnimationFrame(look);
-      const entries = performance.getEntriesByType("resource").filter((e) => e.startTime >= began - 1);
-      const requests = entries.map((e) => [
-        new URL(e.name).pathname, e.startTime - began, e.responseEnd - began, e.encodedBodySize]);
-      const plays = studio.playedSince - began;
-      done({ plays, requests: requests.filter((one) => one[2] <= plays) });
-    };
-    requestAnimationFrame(look);
-  }, { capture: true, once: true }));
-}"""
-
-# Counts what is drawn: calls, triangles, points, and bytes that are sent for it.
-_COUNTED = """() => {
-  const kind = WebGL2RenderingContext.prototype;
-  window.counted = { calls: 0, triangles: 0, points: 0, bytes: 0 };
-  const add = (gl, mode, n) => {
-    counted.calls += 1;
-    if (mode === gl.POINTS) counted.points += n;
-    else counted.triangles += mode === gl.TRIANGLES ? n / 3 : n - 2;
-  };
-  const { drawElements, drawArrays, bufferSubData } = kind;
-  kind.drawElements = function (mode, n, ...more) {
-    add(this, mode, n);
-    drawElements.call(this, mode, n, ...more);
-  };
-  kind.drawArrays = function (mode, at, n) {
-    add(this, mode, n);
-    drawArrays.call(this, mode, at, n);
-  };
-  kind.bufferSubData = function (at, from, data) {
-    counted.bytes += data.byteLength;
-    bufferSubData.call(this, at, from, data);
-  };
-}"""
-
-# Draws nothing from now on.
-_NO_DRAWING = """() => {
-  const kind = WebGL2RenderingContext.prototype;
-  for (const name of ["drawElements", "drawArrays", "clear"]) kind[name] = () => {};
-}"""
-
 
 @contextmanager
 def open_page(address: str, *, scheme: str = "dark") -> Iterator[Page]:
@@ -84,6 +35,7 @@ def open_page(address: str, *, scheme: str = "dark") -> Iterator[Page]:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=SWIFTSHADER)
         page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme=scheme)
         page.set_default_timeout(1000 * _PATIENCE_S)
+        page.add_init_script(path=Path(__file__).with_suffix(".js"))
         page.goto(address)
         until(page, "window.studio !== undefined", timeout_s=_PATIENCE_S)
         _shown(page)
@@ -114,7 +66,7 @@ def _weight(page: Page, rng: np.random.Generator) -> dict[str, Any]:
     )
     slider.scroll_into_view_if_needed()
     page.wait_for_timeout(1000 * _SETTLED_S)
-    page.evaluate(_WATCH, "pointerup")
+    page.evaluate("watch('pointerup')")
     box = slider.bounding_box()
     assert box is not None
     page.mouse.click(box["x"] + float(rng.uniform(0.1, 0.9)) * box["width"], box["y"] + box["height"] / 2)
@@ -141,7 +93,7 @@ def _choice(page: Page, rng: np.random.Generator) -> dict[str, Any]:
         return _choice(page, rng)
     page.locator("#alternatives button").nth(int(rng.integers(n_found))).hover()
     page.wait_for_timeout(1000 * _SETTLED_S)
-    page.evaluate(_WATCH, "click")
+    page.evaluate("watch('click')")
     page.mouse.down()
     page.mouse.up()
     return _measured(page)
@@ -158,7 +110,7 @@ def _print(studio: Any, what: str, found: list[dict[str, Any]]) -> None:
     answered_s = np.array([max(end for *_, end, _ in one["requests"]) for one in found]) / 1000
     sent_kb = [sum(size for *_, size in one["requests"]) / 1000 for one in found]
     print(
-        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s; the server has sent "
+        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s, and the server has sent "
         f"all {np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
         flush=True,
     )
@@ -171,13 +123,13 @@ def frames(studio: Any, seconds: float = 6.0) -> None:
         until(page, "studio.playing && studio.time > 0.2", timeout_s=_PATIENCE_S)
         page.wait_for_timeout(4000)  # until the resolution has settled
         _print_frames(page, "all is drawn", seconds)
-        page.evaluate(_COUNTED)
+        page.evaluate("count()")
         before = page.evaluate("studio.framesDrawn")
         page.wait_for_timeout(1000)
         counted = page.evaluate("counted")
         n = max(page.evaluate("studio.framesDrawn") - before, 1)
         print("  of a frame: " + ", ".join(f"{round(value / n)} {name}" for name, value in counted.items()))
-        page.evaluate(_NO_DRAWING)
+        page.evaluate("drawNothing()")
         _print_frames(page, "nothing is drawn in WebGL", seconds)
 
 
@@ -199,9 +151,9 @@ def _print_frames(page: Page, what: str, seconds: float) -> None:
     names = "ScriptDuration", "LayoutDuration", "RecalcStyleDuration", "TaskDuration", "gpu_s"
     scripts, layout, style, whole, rasterising = (1000 * spent[name] / n for name in names)
     print(
-        f"  {what}, {size[0]} x {size[1]} pixels: {n / spent['at_s']:.1f} frames a second; in a frame, the "
+        f"  {what}, {size[0]} x {size[1]} pixels: {n / spent['at_s']:.1f} frames a second. In a frame, the "
         f"main thread of the page needs {whole:.2f} ms, of which scripts {scripts:.2f} ms, style and layout "
-        f"{layout + style:.2f} ms; the process that rasterises {rasterising:.1f} ms",
+        f"{layout + style:.2f} ms, and the process that rasterises {rasterising:.1f} ms",
         flush=True,
     )
 
