@@ -110,8 +110,8 @@ def _print(studio: Any, what: str, found: list[dict[str, Any]]) -> None:
     answered_s = np.array([max(end for *_, end, _ in one["requests"]) for one in found]) / 1000
     sent_kb = [sum(size for *_, size in one["requests"]) / 1000 for one in found]
     print(
-        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s, and the server has sent "
-        f"all {np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
+        f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s, and the server has "
+        f"sent all {np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
         flush=True,
     )
 
