@@ -106,6 +106,11 @@ class Plan:
         return tuple(s for s, number in beats if number == 1 and self.opening_s <= s <= self.danced_until_s)
 
     @property
+    def phrase_borders_s(self) -> tuple[float, ...]:
+        """Every fourth beginning of a bar after the first, or every sixteenth beat if bars are not known."""
+        return self.danced_bars_s[4::4] if self.music_beat_numbers else self.music_beats_s[16::16]
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """The parts of the dance in order: edits, words where nothing is edited, and seconds elsewhere.
 

@@ -12,6 +12,7 @@ import click
 from choreograph.cli.characters import check_map_target, write_map
 from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, present, with_free_names
 from choreograph.cli.dance_options import (
+    DanceCommand,
     DanceOptions,
     FileOptions,
     check_options_with_plan,
@@ -20,7 +21,6 @@ from choreograph.cli.dance_options import (
 )
 from choreograph.cli.dance_songs import SongDances, run_jobs, with_checked_requests
 from choreograph.cli.present import (
-    Command,
     StageLines,
     check_output_options,
     examples,
@@ -31,7 +31,7 @@ from choreograph.core.errors import ParameterError
 
 
 @click.command(
-    cls=Command,
+    cls=DanceCommand,
     epilog=examples(
         "choreograph dance song.mp3                          song.bvh and song.html, with the built-in takes",
         "choreograph dance song.mp3 --open                   the same, and opens the page in the browser",
@@ -42,6 +42,7 @@ from choreograph.core.errors import ParameterError
         "choreograph dance song.mp3 --engine mixer --genre waltz --set planner=greedy",
         "choreograph dance song.mp3 --pin 12.0=motif:41 --pin 30-38=take:NAME --ban genre:tango",
         "choreograph dance song.mp3 --existing a.json --swap 'bar 9-bar 13'   keeps all other bars",
+        "choreograph dance song.mp3 --camera cuts -o a.mp4     a film with shots that change at phrases",
         "choreograph dance song.mp3 --plan plan.json -o a.bvh     renders an edited plan",
     ),
 )

@@ -14,22 +14,40 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click_option_group import GroupedOption, optgroup
 
-from choreograph.cli.characters import NAMINGS, RESTS, UNITS
-from choreograph.cli.present import Seconds, given_options, given_settings
+from choreograph.cli.present import Command, Seconds, given_options, given_settings
 from choreograph.cli.times import SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
 
 if TYPE_CHECKING:
     from choreograph.choreography.edits import EditRequest
-    from choreograph.formats.bvh import Naming, RestPose
     from choreograph.library.repertoire import Repertoire
+    from choreograph.motion.cameras import CameraMode
     from choreograph.pipeline.dancing import DanceArguments
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 Options = TypeVar("Options")
 PUBLISHED = "published"  # instead of a file, for the settings of the paper of the engine
 _FILE = click.Path(path_type=Path)
+CAMERA_MODES: tuple[CameraMode, ...] = ("front", "follow", "cuts")
+# Options that this command had, and that `convert` has.
+_OF_CONVERT = ("--names", "--units", "--rest", "--in-place")
+
+
+class DanceCommand(Command):
+    """`choreograph dance`, which says what to write instead of options that it had."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse as click does. Raises `ParameterError` for an option that was moved."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            if error.option_name not in _OF_CONVERT:
+                raise
+            raise ParameterError(
+                f"expected no {error.option_name}, which `convert` has: write `choreograph convert dance.bvh "
+                f"other.bvh {error.option_name}`"
+            ) from None
 
 
 class _Planned(GroupedOption):
@@ -151,10 +169,11 @@ _OUTPUT = (
     ),
     optgroup.option("--map", "map_path", type=_FILE, help="Bones of the character, edited (.json)."),
     optgroup.option("--save-map", type=_FILE, help="Write the bones that were found (.json)."),
-    optgroup.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
-    optgroup.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
-    optgroup.option("--rest", type=click.Choice(RESTS), help="Standing rest pose of a .bvh: T or A."),
-    optgroup.option("--in-place", is_flag=True, help="Keep the hips in one place in a .bvh."),
+    optgroup.option(
+        "--camera", type=click.Choice(CAMERA_MODES),
+        help="Film it from the audience (front), follow it, or cut on phrases (cuts), in an .html, .mp4, "
+        ".glb or .usda.",
+    ),
     optgroup.option("--loop", is_flag=True, help="Cut motion files to whole bars that can be looped."),
     optgroup.option(
         "--click", "with_clicks", is_flag=True, help="Mix a click on each count into the video."
@@ -178,7 +197,7 @@ _GROUPS = (
 )
 
 
-def dance_options(command: Command) -> Command:
+def dance_options(command: AnyCommand) -> AnyCommand:
     """Add the options, group by group."""
     for name, options in reversed(_GROUPS):
         for option in reversed(options):
@@ -209,10 +228,7 @@ class FileOptions:
     character: Path | None
     map_path: Path | None
     save_map: Path | None
-    naming: Naming | None
-    units: str | None
-    rest: RestPose | None
-    in_place: bool
+    camera: CameraMode | None
     loop: bool
     with_clicks: bool
     force: bool

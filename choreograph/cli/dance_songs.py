@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 from uuid import uuid4
 
-from choreograph.cli.characters import bvh_of, character_of
+from choreograph.cli.characters import character_of
 from choreograph.cli.dance_jobs import Danced, Job, Result
 from choreograph.cli.dance_options import DanceOptions, FileOptions
 from choreograph.core.errors import ChoreographError, NoPathError, ParameterError
@@ -56,9 +56,9 @@ class SongDances:
         files = self.files
         options = {
             "character": self.character(),
-            "bvh": bvh_of(files.naming, files.units, files.rest, files.in_place),
             "loop": files.loop,
             "click": files.with_clicks,
+            "camera": files.camera,
         }
         for one, paths in zip(made, job.outputs, strict=True):
             for path in paths:

@@ -137,6 +137,7 @@ _SAVE_OPTIONS = {
     "bvh": ("--names", "--units", "--rest", "--in-place"),
     "loop": ("--loop",),
     "click": ("--click",),
+    "camera": ("--camera",),
 }
 
 _NAMES_OR_FILES = {"beats", "config", "motifs", "signature"}  # options that take either

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.timebase import frame_times_s
+from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import INDICES, VERTICES, GltfDocument
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, text_names
 from choreograph.motion import rotations as rot
@@ -31,11 +32,13 @@ class GlbWriter(Writer):
     """
 
     format = "glb"
-    uses = ("character",)
+    uses = ("character", "camera")
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`."""
         document = dance_document(motion)
+        if self.camera is not None:
+            document = with_camera(document, self.camera)
         path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())
 
 

@@ -237,6 +237,16 @@ class GltfDocument:
             samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
         self.add("animations", {"name": name, "samplers": samplers, "channels": channels})
 
+    def extend_animation(
+        self, times_s: NDArray[np.float64], tracks: Iterable[tuple[int, str, NDArray[np.float64]]]
+    ) -> None:
+        """Add tracks with other times to the last animation, as `add_animation` has them."""
+        self.add_animation("", times_s, tracks)
+        added, extended = self.json["animations"].pop(), self.json["animations"][-1]
+        first = len(extended["samplers"])
+        extended["samplers"] += added["samplers"]
+        extended["channels"] += [{**each, "sampler": first + each["sampler"]} for each in added["channels"]]
+
     def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
         """The values of an accessor as floats, (N,) for scalars, else (N, D). Normalised integers are scaled.
 

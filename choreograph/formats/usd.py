@@ -11,8 +11,10 @@ import numpy as np
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.formats.glb import linear_light
+from choreograph.formats.gltf_camera import camera_quat
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
 from choreograph.motion import rotations as rot
+from choreograph.motion.cameras import ASPECT, FOV_RAD, CameraPath
 from choreograph.motion.kinematics import to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin, palette_of
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 _ROOT = "/Dance"
 _ROUGHNESS = 0.85
+_FILM_MM = 36.0  # width of the camera's film
 _REACH_M = 0.25  # of the mesh around its joints, for the bounds
 
 
@@ -33,6 +36,7 @@ class UsdaWriter(Writer):
     """
 
     format = "usda"
+    uses = ("camera",)
 
     @classmethod
     def check(cls, path: str | Path) -> None:
@@ -42,7 +46,10 @@ class UsdaWriter(Writer):
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`. Raises `ParameterError` without the package, `OSError` if writing fails."""
         require_usd(path)
-        export_stage(dance_stage(motion), path, DANCE_GENERATOR if self.is_dance else GENERATOR)
+        stage = dance_stage(motion)
+        if self.camera is not None:
+            _add_camera(stage, self.camera, motion.fps)
+        export_stage(stage, path, DANCE_GENERATOR if self.is_dance else GENERATOR)
 
 
 class UsdcWriter(UsdaWriter):
@@ -209,6 +216,22 @@ def _add_mesh(stage: Usd.Stage, mesh: SkinnedMesh, floor_m: Floats) -> Any:
         UsdShade.MaterialBindingAPI.Apply(subset.GetPrim()).Bind(material)
     subsets.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
     return body
+
+
+def _add_camera(stage: Usd.Stage, path: CameraPath, fps: float) -> None:
+    """The cameras as one prim, with a key on both sides of each cut."""
+    from pxr import Gf, Usd, UsdGeom
+
+    camera = UsdGeom.Camera.Define(stage, f"{_ROOT}/Camera")
+    high_mm = _FILM_MM / ASPECT
+    camera.CreateHorizontalApertureAttr(_FILM_MM)
+    camera.CreateVerticalApertureAttr(high_mm)
+    camera.CreateFocalLengthAttr(high_mm / (2 * float(np.tan(FOV_RAD / 2))))
+    camera.CreateClippingRangeAttr(Gf.Vec2f(0.05, 1000.0))
+    times_s, eyes_m, targets_m = path.keys
+    transform = camera.AddTransformOp()
+    for time_s, eye_m, quat in zip(times_s, eyes_m, camera_quat(eyes_m, targets_m), strict=True):
+        transform.Set(_matrix(eye_m, quat), Usd.TimeCode(float(time_s * fps)))
 
 
 def _extent(points_m: Floats) -> Any:

@@ -17,6 +17,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, descendants
 from choreograph.motion import rotations as rot
 from choreograph.motion.bind_pose import Body, standing_body
+from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
@@ -31,6 +32,7 @@ class Writer(ABC):
     format: ClassVar[str]  # also the suffix of the file, without the dot
     uses: ClassVar[tuple[str, ...]] = ()  # options of `Dance.save`, beside `loop`
     is_dance: bool = False  # whether the file is marked as a dance, if the format allows it
+    camera: CameraPath | None = None  # that is written with the motion, if `uses` has "camera"
 
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:

@@ -36,6 +36,7 @@ from choreograph.formats.bvh import BvhOptions
 from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.cameras import CameraMode, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import KnownSong, Song, as_song, check_span
@@ -108,6 +109,7 @@ class Dance:
         character: str | Path | GltfCharacter | None = None,
         bvh: BvhOptions | None = None,
         loop: bool = False,
+        camera: CameraMode | None = None,
         report: ProgressReport | None = None,
     ) -> None:
         """Write the dance to a file. The suffix selects the format.
@@ -124,6 +126,7 @@ class Dance:
             `read_character`
         bvh : how a .bvh is written
         loop : write the `loop` of the dance to a motion file
+        camera : "front", "follow" or "cuts", which changes at phrases, in a page, video, GLB or USD file
         report : called with the name of the stage, the work done so far, and all the work
 
         Raises `ParameterError` for another suffix, an option that the format does not use, a folder that does
@@ -140,11 +143,14 @@ class Dance:
         for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
             if not (given is None or isinstance(given, kind)):
                 raise unexpected(f"{what} as {kind.__name__}", given)
-        check_options(path, {"click": click, "character": character, "bvh": bvh, "loop": loop})
-        motion = self.loop.motion if loop else self.motion
+        options = {"click": click, "character": character, "bvh": bvh, "loop": loop, "camera": camera}
+        check_options(path, options)
+        motion, from_s = (self.loop.motion, self.loop.start_s) if loop else (self.motion, 0.0)
+        borders_s = [border - from_s for border in self.plan.phrase_borders_s if border > from_s]
         parts = SavedParts(
-            motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh
-        )
+            motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh,
+            None if camera is None else plan_cameras([motion], camera, borders_s),
+        )  # fmt: skip
         save_dance(path, parts, report)
 
     def __repr__(self) -> str:

@@ -21,9 +21,11 @@ from choreograph.formats import writers
 from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
 from choreograph.formats.fbx import convert
 from choreograph.formats.glb import as_dance
+from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
 from choreograph.formats.vmd import DANCE_MODEL
+from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan import Plan
@@ -61,6 +63,7 @@ class SavedParts:
     character: GltfCharacter | None = None  # that dances instead of the mannequin
     bvh: BvhOptions | None = None  # options of a .bvh
     others: tuple[Motion, ...] = ()  # further dancers of a scene, in a video or in pictures
+    camera: CameraPath | None = None  # that films it
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -75,10 +78,13 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     check_apart([path], [*read, *([Path(character.document.name)] if character is not None else [])])
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
-        save_document(path, as_dance(character.dancing(parts.motion)))
+        document = character.dancing(parts.motion)
+        if suffix == "glb" and parts.camera is not None:
+            document = with_camera(document, parts.camera)
+        save_document(path, as_dance(document))
     elif suffix in writers():
         writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
-        writer.is_dance = True
+        writer.is_dance, writer.camera = True, parts.camera
         save_motion(path, parts.motion, writer=writer)
     else:
         _SAVERS[suffix].save(parts, Path(path), report)
@@ -174,6 +180,7 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
     write_page(
         path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s(),
         character=None if parts.character is None else _in_page(parts.character, parts.motion),
+        camera=parts.camera,
         report=substage(report, "writing the page"),
     )  # fmt: skip
 
@@ -198,6 +205,7 @@ def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) ->
         song_path=parts.song_path,
         start_s=plan.start_s,
         clicks=clicks,
+        camera=parts.camera,
         report=report,
     )
 
@@ -246,6 +254,6 @@ class _Saver:
 
 
 _SAVERS = {
-    "json": _Saver(_save_plan), "html": _Saver(_save_page, ("character",)),
-    "mp4": _Saver(_save_video, ("click",)), "png": _Saver(_save_strip),
+    "json": _Saver(_save_plan), "html": _Saver(_save_page, ("character", "camera")),
+    "mp4": _Saver(_save_video, ("click", "camera")), "png": _Saver(_save_strip),
 }  # fmt: skip

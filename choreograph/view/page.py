@@ -12,6 +12,7 @@ The page has a read-only state for scripts, `window.choreograph`:
 - time, duration, and shownFrom and shownTo of the timeline, in seconds, and audioTime, null without sound
 - frame, fps, framesDrawn, and pixelScale, which is below 1 on slow machines
 - playing, speed, loop {on, from, to}, mirrored, following
+- shot, the name of the current shot of the cameras, or null without cameras or if the viewer has turned
 - take, the name of the current take, and count, the current {bar, number} or null
 - dancers, for each dancer of a scene its `joints`
 - joints, J positions [x, y, z] in metres, as in `motion.joint_pos_m()`, or those of the bones of the
@@ -34,6 +35,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_apart, check_target
 from choreograph.core.progress import StepReport, part
 from choreograph.formats.writer import DANCE_GENERATOR
+from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
 from choreograph.plan_parts import Block, PlannedSecond
@@ -51,9 +53,9 @@ from choreograph.view.page_data import (
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
 _SCRIPTS = (
-    "math.js", "decompress.js", "ground_path.js", "clock.js", "camera.js", "shaders.js", "stage_colours.js",
-    "resolution.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js", "timeline.js",
-    "elements.js", "card.js", "player.js", "controls.js", "page.js",
+    "math.js", "decompress.js", "ground_path.js", "clock.js", "film.js", "camera.js", "shaders.js",
+    "stage_colours.js", "resolution.js", "stage.js", "orbit.js", "colours.js", "gestures.js", "counts.js",
+    "timeline.js", "elements.js", "card.js", "player.js", "controls.js", "page.js",
 )  # fmt: skip
 _STEPS = 100  # of its progress
 _LEVELS_PER_S = 50
@@ -73,6 +75,7 @@ def write_page(
     title: str | None = None,
     character: PageCharacter | None = None,
     others: Sequence[Motion] = (),
+    camera: CameraPath | None = None,
     report: StepReport | None = None,
 ) -> None:
     """Write the dance as one self-contained HTML file. The same dance gives the same bytes.
@@ -88,6 +91,7 @@ def write_page(
     title : heading of the page. None uses the name of the song
     character : the character that dances. None uses the mannequin
     others : further dancers of a scene on mannequins, with the length and the skeleton of `motion`
+    camera : the cameras that film it, until the viewer turns the view. None follows the dancer
     report : called with the steps that are done and their total
 
     Raises
@@ -114,7 +118,8 @@ def write_page(
     title = title or plan.song or "Dance"
     shown = dance_facts(plan, duration_s, title=title, motion_beats_s=beats_s)
     head = {name: shown.pop(name) for name in ("title", "duration_s")}
-    dance = {**head, **body.facts, "levels_per_s": levels_per_s, **shown}
+    filmed = {} if camera is None else {"shots": camera_facts(camera)}
+    dance = {**head, **body.facts, "levels_per_s": levels_per_s, **shown, **filmed}
     text = _page_text(title, body, to_script_json(dance), levels, sound)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
@@ -138,6 +143,20 @@ def dance_facts(
         "motion_beats_s": _rounded(motion_beats_s, duration_s),
         **_sources(plan, duration_s),
     }
+
+
+def camera_facts(camera: CameraPath) -> list[dict[str, Any]]:
+    """The shots of a page's cameras, as JSON. Directions are fixed in a shot, so that targets follow."""
+    return [
+        {
+            "name": shot.name,
+            "start_s": round(shot.start_s, 4),
+            "times_s": np.round(shot.times_s, 4).tolist(),
+            "eyes": np.round(shot.eye_m, 3).tolist(),
+            "sight": np.round(shot.target_m[0] - shot.eye_m[0], 4).tolist(),
+        }
+        for shot in camera.shots
+    ]
 
 
 def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:

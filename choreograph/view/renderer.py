@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.motion.body import body_pos_m, ground_pos_m
+from choreograph.motion.cameras import FOV_RAD
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.skinned_mesh import SkinnedMesh, build_mannequin, skin_matrices
@@ -256,7 +257,6 @@ def _unit(vector: NDArray[np.floating]) -> F32:
 # Cameras that follow a dancer.
 
 
-FOV_RAD = float(np.radians(28.0))
 _SIDE_RAD = float(np.radians(10.0))  # a body that is seen straight from the front looks flat
 _EYE_OF_HEIGHT = 0.78  # a little below the dancer's eyes
 _HIGH_OF_HEIGHT = 1.36  # height of the view: the body with raised arms and a margin
@@ -272,11 +272,12 @@ class Shots:
     pos_m: Floats  # (T, J, 3) of the world
     global_quat: Floats  # (T, J, 4)
     targets_m: Floats  # (T, 3) of the cameras
-    towards_eye_m: Floats  # (3,) from the target to the camera
+    towards_eye_m: Floats  # (3,), or (T, 3) of cameras with other directions, from the target to the camera
 
     def render(self, frame: int, size: tuple[int, int]) -> Pixels:
         """Frame `frame` as an image (H, W, 3)."""
-        camera = Camera(self.targets_m[frame] + self.towards_eye_m, self.targets_m[frame], FOV_RAD)
+        towards_m = np.broadcast_to(self.towards_eye_m, self.targets_m.shape)[frame]
+        camera = Camera(self.targets_m[frame] + towards_m, self.targets_m[frame], FOV_RAD)
         return render_pose(self.mesh, self.pos_m[frame], self.global_quat[frame], camera, size=size)
 
 

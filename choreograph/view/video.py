@@ -6,6 +6,7 @@ import os
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from choreograph.core.files import atomic_path, check_apart, check_target
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.writer import DANCE_GENERATOR
+from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.view.crowd import shots_of
 from choreograph.view.renderer import Pixels, Shots
@@ -44,6 +46,7 @@ def write_video(
     song_path: str | Path | None = None,
     start_s: float = 0.0,
     clicks: Clicks | None = None,
+    camera: CameraPath | None = None,
     duration_s: float | None = None,
     others: Sequence[Motion] = (),
     size: tuple[int, int] = (1280, 720),
@@ -59,6 +62,7 @@ def write_video(
     song_path : the song file, used at its native rate. None makes a silent video
     start_s : time in the song at the first frame of the motion
     clicks : mixed into the song, or into silence
+    camera : the cameras that film it. None follows the dancer
     duration_s : seconds to film from the start. None films the whole motion
     others : further dancers of a scene, with the length and the rate of `motion`
     size : width and height in pixels, both even
@@ -88,6 +92,9 @@ def write_video(
     if clicks is not None:
         part = clicks.over(part or silent_part(n_frames / fps))
     shots = shots_of((motion, *others), times_s, aspect=size[0] / size[1], smoothing_s=_SMOOTHING_S)
+    if camera is not None:
+        eyes_m, targets_m = camera.at(times_s)
+        shots = replace(shots, targets_m=targets_m, towards_eye_m=eyes_m - targets_m)
     try:
         with atomic_path(path) as temporary:
             return _encode(temporary, shots, part, size, fps, report)

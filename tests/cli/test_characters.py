@@ -58,7 +58,7 @@ def test_a_song_is_danced_by_a_character(folder, db, song):
         (["retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--map", "dance.bvh"], "map"),
         (["dance", "song.wav", "--character", "hero.glb", "-o", "a.mp4"], "-o NAME.html"),
         (["dance", "song.wav", "--map", "map.json"], "--character"),
-        (["dance", "song.wav", "-o", "a.glb", "--names", "ue"], "-o NAME.bvh"),
+        (["dance", "song.wav", "-o", "a.bvh", "--camera", "cuts"], "-o NAME.html"),
         (["convert", "dance.bvh", "a.glb", "--units", "m"], "-o NAME.bvh"),
     ],
 )  # fmt: skip

@@ -15,10 +15,7 @@ from choreograph.pipeline.saving import output_formats
 # What each option of files needs beside it, and the formats that it acts on.
 FILE_OPTIONS = {
     "--character": (["hero.glb"], {"html", "glb", "fbx"}),
-    "--names": (["ue"], {"bvh"}),
-    "--units": (["m"], {"bvh"}),
-    "--rest": (["t"], {"bvh"}),
-    "--in-place": ([], {"bvh"}),
+    "--camera": (["cuts"], {"html", "mp4", "glb", "usda", "usdc"}),
     "--loop": ([], {"bvh", "npz", "glb", "vrma", "vmd", "usda", "usdc", "fbx"}),
     "--click": ([], {"mp4"}),
 }
@@ -115,14 +112,23 @@ def test_an_option_of_files_is_used_refused_or_noted(notes_of, option):
 
 def test_all_that_is_said_of_files_is_one_note(notes_of):
     result, notes = notes_of(
-        "-oa.bvh", "-oa.glb", "-oa.mp4", "-oa.json", "--names", "ue", "--rest", "a", "--loop", "--click"
+        "-oa.bvh", "-oa.glb", "-oa.mp4", "-oa.json", "--camera", "front", "--loop", "--click"
     )
     assert result.exit_code == 0, result.output
     assert notes == [
-        "--names and --rest have no effect on .glb, .mp4 and .json; --loop has no effect on .mp4 and .json; "
-        "--click has no effect on .bvh, .glb and .json"
+        "--loop has no effect on .mp4 and .json; --click has no effect on .bvh, .glb and .json; "
+        "--camera has no effect on .bvh and .json"
     ]
-    assert notes_of("--names", "ue")[1] == ["--names has no effect on .html"]
+    assert notes_of("-oa.bvh", "-oa.mp4", "--camera", "cuts")[1] == ["--camera has no effect on .bvh"]
+
+
+@pytest.mark.parametrize("option", [["--names", "ue"], ["--units=m"], ["--rest", "t"], ["--in-place"]])
+def test_an_option_that_was_moved_says_what_to_write(tmp_path, monkeypatch, option):
+    monkeypatch.chdir(tmp_path)
+    flag = option[0].partition("=")[0]
+    moved = f"expected no {flag}, which `convert` has: write `choreograph convert dance.bvh other.bvh {flag}`"
+    assert_one_line(run("dance", "a.wav", *option), says=moved)
+    assert "No such option" in run("dance", "a.wav", "--nothing").stderr
 
 
 def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, db):
@@ -169,8 +175,8 @@ def test_times_may_be_minutes_and_seconds(tmp_path, monkeypatch, db, song):
 @pytest.mark.slow
 def test_notes_on_files_are_shown_and_in_the_json(tmp_path, monkeypatch, db, song):
     monkeypatch.chdir(tmp_path)
-    asked = ("dance", song, "--db", db, "--set", "candidates=4", "-oa.bvh", "-oa.json", "--rest", "t")
-    said = "--rest has no effect on .json"
+    asked = ("dance", song, "--db", db, "--set", "candidates=4", "-oa.bvh", "-oa.json", "--loop")
+    said = "--loop has no effect on .json"
     assert f"note: {said}" in run(*asked).stderr
     assert said in json.loads(run(*asked, "--json").stdout)["notes"]
     assert said not in run(*asked, "-q").output

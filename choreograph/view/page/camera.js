@@ -29,15 +29,23 @@ export class Camera {
     this.yaw = this.spread ? 0 : FIRST_TURN; // several dancers are placed to be seen from the front
     this.pitch = FIRST_PITCH;
     this.closeness = 1;
+    this.filming = true; // if there is a film, until the viewer turns the view
   }
+
+  // The shot of the film that is shown at a time, or null.
+  shot(timeS) { return this.film && this.filming ? this.film.shot(timeS) : null; }
 
   // Orbit, in radians. In a mirrored view the picture still follows the pointer.
   turn(yaw, pitch) {
+    this.filming = false;
     this.yaw += this.mirrored ? -yaw : yaw;
     this.pitch = clamp(this.pitch + pitch, 0.015, 1.5);
   }
 
-  approach(factor) { this.closeness = clamp(this.closeness * factor, 0.35, 6); }
+  approach(factor) {
+    this.filming = false;
+    this.closeness = clamp(this.closeness * factor, 0.35, 6);
+  }
 
   // Advances the blend between dancer and stage by real time. True while it is still moving.
   settle(elapsedS) {
@@ -49,6 +57,10 @@ export class Camera {
 
   // The data for a renderer: eye, target, and the matrix from the world to the screen.
   at(timeS, aspect) {
+    if (this.shot(timeS)) {
+      const { eye, target } = this.film.at(timeS, aspect);
+      return this.#view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius + this.spread);
+    }
     const eased = this.blend * this.blend * (3 - 2 * this.blend);
     const stands = this.dancer.path.at(timeS);
     const [x, z] = stands.map((v, k) => v * eased + this.stage.middle[k] * (1 - eased));
@@ -65,9 +77,12 @@ export class Camera {
       target[1] + Math.sin(this.pitch) * distance,
       z + Math.cos(this.yaw) * flat,
     ];
+    return this.#view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius * (1 - eased) + this.spread);
+  }
+
+  #view(eye, target, aspect, floorRadius) {
     const projection = perspective(FOV_Y, aspect, 0.05, 60 + 10 * this.spread);
     if (this.mirrored) projection[0] = -projection[0];
-    const floorRadius = FLOOR_RADIUS_M + this.stage.radius * (1 - eased) + this.spread;
     return { eye, target, matrix: multiplyMatrices(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
   }
 }

@@ -4,6 +4,7 @@ import { Card } from "./card.js";
 import { Counts } from "./counts.js";
 import { takeColours } from "./colours.js";
 import { Controls, showCredits } from "./controls.js";
+import { Film } from "./film.js";
 import { OrbitControls } from "./orbit.js";
 import { Player, soundUrl } from "./player.js";
 import { Stage } from "./stage.js";
@@ -18,6 +19,7 @@ class Page {
     this.player = new Player(dance, soundUrl(sound));
     this.stage = new Stage($("view"), renderer, (time) => this.#showTime(time));
     this.stage.show(dancer, this.player);
+    if (dance.shots) this.stage.camera.film = new Film(dance.shots);
     this.counts = new Counts(dance);
     this.card = new Card(dance, this.counts);
     this.timeline = new Timeline(dance, levels, this.counts, this.player, { onHover: (block, x) => this.#hover(block, x) });
@@ -94,6 +96,7 @@ class Page {
       get speed() { return player.speed; },
       get loop() { return { ...player.loop }; },
       get mirrored() { return camera.mirrored; },
+      get shot() { return camera.shot(player.time)?.name ?? null; },
       get following() { return camera.following; },
       get audioTime() { return player.audio ? player.audio.currentTime : null; },
       get framesDrawn() { return stage.drawn; },
