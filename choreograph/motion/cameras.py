@@ -55,7 +55,7 @@ class _Kind:
 
 
 _KINDS = {
-    "wide": _Kind(np.radians(5.0), np.radians(-4.0), 0.66, moves=False),
+    "wide": _Kind(np.radians(5.0), np.radians(-4.0), 0.8, moves=False),
     "follow": _Kind(np.radians(42.0), np.radians(-4.0), 0.9),
     "close": _Kind(np.radians(42.0), np.radians(-3.0), 0.95),
     "low": _Kind(np.radians(42.0), _PITCHES_RAD[0], 0.94),

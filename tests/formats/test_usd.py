@@ -16,6 +16,8 @@ from synthetic_motions import on_other_axes, swaying
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.formats.register import save_motion
+from choreograph.formats.usd import UsdcWriter
+from choreograph.motion.cameras import CameraPath, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.skinned_mesh import build_mannequin
 
@@ -136,6 +138,8 @@ import resource, sys
 from synthetic_motions import swaying
 from choreograph.core.errors import ChoreographError
 from choreograph.formats.register import save_motion
+from choreograph.formats.usd import UsdcWriter
+from choreograph.motion.cameras import CameraPath, plan_cameras
 motion = swaying(60)
 save_motion(sys.argv[1], motion)  # the first one loads the library
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
@@ -158,3 +162,24 @@ def test_a_full_disk_is_one_line(tmp_path, suffix):
     )  # fmt: skip
     assert f"cannot write {target}: USD could not write it" in done.stdout
     assert [path.name for path in tmp_path.iterdir()] == [f"a.{suffix}"]
+
+
+def test_the_camera_is_where_the_path_has_it(tmp_path):
+    motion = MOTIONS["upright"]
+    path = plan_cameras([motion], "cuts")
+    path = CameraPath((*path.shots, replace(path.shots[0], start_s=2.5, times_s=np.array([2.5, 2.6]))))
+    writer = UsdcWriter()
+    writer.camera = path
+    save_motion(tmp_path / "a.usdc", motion, writer=writer)
+    stage = Usd.Stage.Open(str(tmp_path / "a.usdc"))
+    camera = UsdGeom.Camera.Get(stage, "/Dance/Camera")
+    for time_s in (0.0, 1.0, 2.5):
+        lens = camera.GetCamera(Usd.TimeCode(time_s * motion.fps))
+        (eye,), (target,) = path.at([time_s])
+        assert np.allclose(lens.transform.ExtractTranslation(), eye, atol=1e-6)
+        sight = lens.transform.TransformDir((0, 0, -1))
+        assert np.allclose(sight, (target - eye) / np.linalg.norm(target - eye), atol=1e-6)
+        assert lens.GetFieldOfView(lens.FOVVertical) == pytest.approx(28.0, abs=1e-3)
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    found = UsdValidation.ValidationContext(validators).Validate(stage)
+    assert [error.GetMessage() for error in found] == []

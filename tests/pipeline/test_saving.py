@@ -147,3 +147,22 @@ def test_the_api_writes_over_no_input(made, tmp_path):
     with pytest.raises(ParameterError, match="input"):
         cg.Dance(made.motion, made.plan, song_path=clip).save(clip)
     assert clip.read_bytes() == made.song_path.read_bytes()
+
+
+def test_a_camera_is_planned_on_the_phrases_and_refused_where_no_file_has_one(tmp_path, monkeypatch):
+    motion = swaying(32 * 30, fps=30.0)
+    numbers = tuple(numbers_in_bar(64, 4, first=4).tolist())  # a beat every half second
+    dance = cg.Dance(motion, replace(plan_for(motion), music_beat_numbers=numbers, metre=4))
+    assert dance.plan.phrase_borders_s == (8.5, 16.5, 24.5)
+    seen = []
+    monkeypatch.setattr(
+        "choreograph.pipeline.dancing.save_dance", lambda path, parts, report: seen.append(parts)
+    )
+    dance.save(tmp_path / "a.glb", camera="cuts")
+    assert seen[0].camera.cuts_s == [8.5, 16.5, 24.5]
+    dance.save(tmp_path / "a.glb")
+    assert seen[1].camera is None
+    with pytest.raises(ParameterError, match="for camera, got"):
+        dance.save(tmp_path / "a.bvh", camera="front")
+    with pytest.raises(ParameterError, match="among front, follow, cuts"):
+        dance.save(tmp_path / "a.glb", camera="drone")

@@ -9,6 +9,7 @@ import numpy as np
 from browsers import state, until
 from synthetic_pages import DANCE, plan_for
 
+from choreograph.motion.cameras import plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.view.page import write_page
@@ -121,3 +122,26 @@ def test_smallest_dance_of_an_unknown_skeleton(opened, tmp_path):
     page.keyboard.press("Space")
     until(page, "!choreograph.playing && choreograph.time > 0.03")
     assert state(page, "joints") == [[0, 0, 0]]
+
+
+def test_cameras_film_until_the_view_is_turned(opened, tmp_path):
+    path = plan_cameras([DANCE], "cuts", (3.0, 5.5))
+    write_page(
+        tmp_path / "filmed.html", DANCE, plan_for(DANCE), song_path=None, motion_beats_s=[], camera=path
+    )
+    page = opened("filmed.html", folder=tmp_path)
+    box = page.locator("#timeline").bounding_box()
+    for time_s, shot in ((1.0, "wide"), (4.0, "follow"), (7.0, "wide")):
+        page.mouse.click(box["x"] + box["width"] * time_s / DANCE.duration_s, box["y"] + 100)
+        until(page, f"Math.abs(window.choreograph.time - {time_s}) < 0.1", timeout_s=5)
+        assert state(page, "shot") == shot
+    view = page.locator("#view").bounding_box()
+    x, y = view["x"] + view["width"] / 2, view["y"] + view["height"] / 3
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 60, y)
+    page.mouse.up()
+    assert state(page, "shot") is None
+    page.mouse.dblclick(x, y)
+    assert state(page, "shot") == "wide"
+    assert state(opened(), "shot") is None  # a page without cameras

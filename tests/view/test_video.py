@@ -12,6 +12,7 @@ from synthetic_motions import swaying
 
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 from choreograph.motion import rotations as rot
+from choreograph.motion.cameras import CameraPath, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.view.video import write_video
 
@@ -135,3 +136,19 @@ def test_fallback_encoder(tmp_path, monkeypatch):
     short = replace(MOTION, root_pos_m=MOTION.root_pos_m[:6], local_quat=MOTION.local_quat[:6])
     assert write_video(tmp_path / "d.mp4", short, size=SIZE) == "mpeg4"
     assert len(decoded(tmp_path / "d.mp4")[0]) == 6
+
+
+def test_a_video_is_filmed_by_the_cameras(tmp_path):
+    still = MOTION.sampled(np.zeros(60))
+    path = plan_cameras([still], "front")
+    cut_s = 1.0
+    near = replace(
+        path.shots[0], start_s=cut_s, times_s=np.array([cut_s, 2.0]),
+        eye_m=path.shots[0].eye_m * 0.7 + path.shots[0].target_m * 0.3,
+    )  # fmt: skip
+    cut = CameraPath((replace(path.shots[0], end_s=cut_s), near))
+    write_video(tmp_path / "d.mp4", still, size=SIZE, fps=15, camera=cut)
+    pictures, times, *_ = decoded(tmp_path / "d.mp4")
+    change = np.abs(np.diff(pictures.astype(float), axis=0)).mean(axis=(1, 2, 3))
+    assert times[1 + np.argmax(change)] == pytest.approx(cut_s)
+    assert change.max() > 4 * np.sort(change)[-2]
