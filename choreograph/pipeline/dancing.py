@@ -140,7 +140,8 @@ class Dance:
         if isinstance(character, str | Path):
             check_apart([path], [character])
             character = read_character(character)
-        for what, given, kind in (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions)):
+        kinds = (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions), ("camera", camera, str))
+        for what, given, kind in kinds:
             if not (given is None or isinstance(given, kind)):
                 raise unexpected(f"{what} as {kind.__name__}", given)
         options = {"click": click, "character": character, "bvh": bvh, "loop": loop, "camera": camera}
@@ -149,7 +150,7 @@ class Dance:
         borders_s = [border - from_s for border in self.plan.phrase_borders_s if border > from_s]
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh,
-            None if camera is None else plan_cameras([motion], camera, borders_s),
+            camera=None if camera is None else plan_cameras([motion], camera, borders_s),
         )  # fmt: skip
         save_dance(path, parts, report)
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from choreograph.core.numerics import Floats
+from choreograph.motion.cameras import FOV_RAD
 from choreograph.motion.motion import Motion
 from choreograph.motion.skinned_mesh import SkinnedMesh, palette_of
-from choreograph.view.renderer import FOV_RAD, Shots, follow_camera
+from choreograph.view.renderer import Shots, follow_camera
 
 _MARGIN_M = 1.0  # beside the outermost dancers: an arm to the side
 _EYE_M, _MIDDLE_M = 1.9, 0.9  # heights of the camera and of its target

@@ -59,7 +59,7 @@ export class Camera {
   at(timeS, aspect) {
     if (this.shot(timeS)) {
       const { eye, target } = this.film.at(timeS, aspect);
-      return this.#view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius + this.spread);
+      return this.view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius + this.spread);
     }
     const eased = this.blend * this.blend * (3 - 2 * this.blend);
     const stands = this.dancer.path.at(timeS);
@@ -77,10 +77,10 @@ export class Camera {
       target[1] + Math.sin(this.pitch) * distance,
       z + Math.cos(this.yaw) * flat,
     ];
-    return this.#view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius * (1 - eased) + this.spread);
+    return this.view(eye, target, aspect, FLOOR_RADIUS_M + this.stage.radius * (1 - eased) + this.spread);
   }
 
-  #view(eye, target, aspect, floorRadius) {
+  view(eye, target, aspect, floorRadius) {
     const projection = perspective(FOV_Y, aspect, 0.05, 60 + 10 * this.spread);
     if (this.mirrored) projection[0] = -projection[0];
     return { eye, target, matrix: multiplyMatrices(projection, lookAt(eye, target)), mirrored: this.mirrored, floorRadius };
