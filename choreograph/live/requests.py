@@ -14,7 +14,7 @@ from choreograph.live.osc import Message
 from choreograph.render.dynamics import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
 
 KINDS = ("genre", "energy", "pin", "seed")
-_PREFIX = "/choreograph/"
+_PREFIX = "/dance/"
 _EXAMPLES = "genre salsa, energy 0.7, pin take:NAME, pin motif:41 or seed 3"
 
 
@@ -55,7 +55,7 @@ class Request:
 
 
 def of_message(message: Message) -> Request:
-    """The request of a message such as /choreograph/genre with one argument. Raises `FormatError`."""
+    """The request of a message such as /dance/genre with one argument. Raises `FormatError`."""
     if not message.address.startswith(_PREFIX) or len(message.arguments) != 1:
         raise FormatError(f"expected {_PREFIX}genre, energy, pin or seed and a value, got {message.address}")
     return Request.of(message.address.removeprefix(_PREFIX), message.arguments[0])

@@ -17,10 +17,10 @@ def test_requests_arrive_and_other_packets_are_noted():
     asked, notes = [], []
     with listening(0, asked.append, notes.append) as port, socket.socket(type=socket.SOCK_DGRAM) as out:
         for packet in (
-            Message("/choreograph/genre", ("salsa",)).to_bytes(),
+            Message("/dance/genre", ("salsa",)).to_bytes(),
             b"no packet of OSC",
-            bundle([Message("/choreograph/seed", (3,)), Message("/choreograph/energy", (0.5,))]),
-            Message("/choreograph/colour", ("red",)).to_bytes(),
+            bundle([Message("/dance/seed", (3,)), Message("/dance/energy", (0.5,))]),
+            Message("/dance/colour", ("red",)).to_bytes(),
         ):
             out.sendto(packet, ("127.0.0.1", port))
         until = time.monotonic() + 5.0

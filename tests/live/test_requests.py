@@ -26,7 +26,7 @@ WANTED = [
 
 @pytest.mark.parametrize(("kind", "value", "request_"), WANTED)
 def test_all_ways_say_the_same(kind, value, request_):
-    assert of_message(Message(f"/choreograph/{kind}", (value,))) == request_
+    assert of_message(Message(f"/dance/{kind}", (value,))) == request_
     assert of_json(json.dumps({kind: value})) == [request_]
     assert of_line(f"{kind} {value}\n") == request_
 
@@ -50,8 +50,8 @@ def test_other_values_are_refused(kind, value):
 def test_other_messages_and_texts_are_refused():
     for message in (
         Message("/VMC/Ext/OK", (1,)),
-        Message("/choreograph/genre"),
-        Message("/choreograph/x", (1,)),
+        Message("/dance/genre"),
+        Message("/dance/x", (1,)),
     ):
         with pytest.raises(FormatError):
             of_message(message)
