@@ -108,7 +108,7 @@ class Plan:
     @property
     def phrase_borders_s(self) -> tuple[float, ...]:
         """Every fourth beginning of a bar after the first, or every sixteenth beat if bars are not known."""
-        return self.danced_bars_s[4::4] if self.music_beat_numbers else self.music_beats_s[16::16]
+        return self.danced_bars_s[4::4] if self.metre else self.music_beats_s[16::16]
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -67,11 +67,13 @@ def test_without_bars_beats_are_numbered(tmp_path, drawn):
 
 OPTIONS = {
     "click": True, "loop": True, "bvh": BvhOptions(naming="ue"), "character": "hero.glb",
+    "camera": "front",
 }  # fmt: skip
 USED = {
-    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character"}, "vrma": {"loop"}, "vmd": {"loop"},
-    "usda": {"loop"}, "usdc": {"loop"}, "fbx": {"loop", "character"}, "html": {"character"},
-    "mp4": {"click"}, "png": set(), "json": set(),
+    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character", "camera"}, "vrma": {"loop"},
+    "vmd": {"loop"},
+    "usda": {"loop", "camera"}, "usdc": {"loop", "camera"}, "fbx": {"loop", "character"},
+    "html": {"character", "camera"}, "mp4": {"click", "camera"}, "png": set(), "json": set(),
 }  # fmt: skip
 
 
