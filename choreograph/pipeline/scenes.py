@@ -166,7 +166,7 @@ def scene(
     """Make a scene of several dancers for a song.
 
     The dance of the leader is made as by `dance`. The others dance it in a relation, and all go to the places
-    of the formation at the borders of phrases. No two bodies come nearer than 0.6 m.
+    of the formation at the borders of phrases. No two bodies come nearer than 0.6 m, or a note says how near.
 
     Parameters
     ----------
@@ -344,13 +344,20 @@ def _planned(
         if gap_m >= LEAST_GAP_M:
             break
         margin_m += LEAST_GAP_M - gap_m + 0.01
-    return ScenePlan(plans, dancers), _notes(paths)
+    return ScenePlan(plans, dancers), _notes(paths, gap_m)
 
 
-def _notes(paths: StagePaths) -> tuple[str, ...]:
-    if paths.widened <= 1.0:
-        return ()
-    return (f"the places were made {paths.widened:.2f} times as wide, so that bodies stay 0.6 m apart",)
+def _notes(paths: StagePaths, gap_m: float) -> tuple[str, ...]:
+    notes = []
+    if paths.widened > 1.0:
+        wider = f"{paths.widened:.2f} times as wide"
+        notes.append(f"the places were made {wider}, so that bodies stay {LEAST_GAP_M:g} m apart")
+    if gap_m < LEAST_GAP_M:
+        notes.append(
+            f"bodies come as near as {max(gap_m, 0.0):.2f} m, not {LEAST_GAP_M:g} m: ask for fewer dancers, "
+            "fewer changes of formation, or wider places"
+        )
+    return tuple(notes)
 
 
 def _bodies(

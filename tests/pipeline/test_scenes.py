@@ -224,3 +224,12 @@ def test_pictures_show_all_dancers(made, tmp_path):
     columns = (np.abs(pixels - background).max(axis=2) > 70).any(axis=0)
     bodies = np.flatnonzero(np.diff(np.concatenate([[0], columns.astype(int), [0]])) == 1)
     assert len(bodies) >= 3 and np.ptp(bodies) > 150
+
+
+def test_bodies_that_cannot_be_kept_apart_are_noted(song, repertoire, monkeypatch):
+    monkeypatch.setattr("choreograph.pipeline.scenes.least_gap_m", lambda motions: 0.41)
+    scene = cg.scene(song, repertoire, dancers=2, duration_s=6, **SETTINGS)
+    assert any(note.startswith("bodies come as near as 0.41 m, not 0.6 m") for note in scene.notes)
+    monkeypatch.undo()
+    scene = cg.scene(song, repertoire, dancers=2, duration_s=6, **SETTINGS)
+    assert not any("bodies come" in note for note in scene.notes)
