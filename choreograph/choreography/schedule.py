@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,7 +20,6 @@ Value = TypeVar("Value")
 _ALL = ("section", "chorus", "verse", "phrase")  # without a number, all of them
 _PHRASE_COUNTS = 16  # of a song whose phrases are not known
 _SHORTEST_S = 2.0  # between two borders
-_SPAN = re.compile(r"\s*([^-]+?)\s*-\s*([^-]+?)\s*")
 
 
 @dataclass(frozen=True)
@@ -69,8 +67,9 @@ def spans_of(when: str, places: Places, duration_s: float) -> list[tuple[float, 
     place = PLACE.fullmatch(when)
     if place and place[1].lower() != "bar":
         return [places.span_s(place[1].lower(), int(place[2]))]
-    span = _SPAN.fullmatch(when)
-    ends = (span[1], span[2]) if span else (when,)
+    ends = when.split("-")
+    if len(ends) > 2:
+        raise unexpected("a part of the song with one hyphen, such as bar 9-bar 17", when)
     times_s = [_time_s(end, places) for end in ends]
     start_s, end_s = (*times_s, duration_s)[:2]
     if not 0.0 <= start_s < min(end_s, duration_s):
