@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
-NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "rigify")
+NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "humanoid", "rigify")
 RESTS: tuple[RestPose, ...] = ("t", "a")
 UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, with their number per metre
 

@@ -74,6 +74,7 @@ def command(
     sound = songs[0] if plan_path is not None and songs else None
     dances = SongDances(db, asked, files, variations, strict, plan_path, sound)
     _check_character(dances, first)
+    _check_target(files.target, first)
     dances = with_checked_requests(dances, jobs)
     with_lines = files.as_json and not files.quiet
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
@@ -93,6 +94,14 @@ def _shared(inputs: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
     """The files that are read for more than one song."""
     songs = {job.song for job in jobs}
     return [path for path in inputs if path not in songs]
+
+
+def _check_target(target: str | None, outputs: tuple[Path, ...]) -> None:
+    """Raise `ParameterError` if no output is one that the program of --for reads."""
+    from choreograph.formats.targets import check_target_format, reads
+
+    if target is not None and not any(reads(target, path) for path in outputs):
+        check_target_format(target, outputs[0])
 
 
 def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:

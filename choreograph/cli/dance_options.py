@@ -21,6 +21,7 @@ from choreograph.settings import DanceConfig, engine_names, load_config, publish
 
 if TYPE_CHECKING:
     from choreograph.choreography.edits import EditRequest
+    from choreograph.formats.targets import TargetName
     from choreograph.library.repertoire import Repertoire
     from choreograph.motion.cameras import CameraMode
     from choreograph.pipeline.dancing import DanceArguments
@@ -30,6 +31,7 @@ Options = TypeVar("Options")
 PUBLISHED = "published"  # instead of a file, for the settings of the paper of the engine
 _FILE = click.Path(path_type=Path)
 CAMERA_MODES: tuple[CameraMode, ...] = ("front", "follow", "cuts")
+TARGET_NAMES: tuple[TargetName, ...] = ("unreal", "unity", "vrchat", "blender", "mmd", "godot")
 # Options that this command had, and that `convert` has.
 _OF_CONVERT = ("--names", "--units", "--rest", "--in-place")
 
@@ -174,6 +176,10 @@ _OUTPUT = (
         help="Film it from the audience (front), follow it, or cut on phrases (cuts), in an .html, .mp4, "
         ".glb or .usda.",
     ),
+    optgroup.option(
+        "--for", "target", type=click.Choice(TARGET_NAMES),
+        help="Program that a .glb or .vmd is for: names of bones, rest pose, root motion, loop mark.",
+    ),
     optgroup.option("--loop", is_flag=True, help="Cut motion files to whole bars that can be looped."),
     optgroup.option(
         "--click", "with_clicks", is_flag=True, help="Mix a click on each count into the video."
@@ -229,6 +235,7 @@ class FileOptions:
     map_path: Path | None
     save_map: Path | None
     camera: CameraMode | None
+    target: TargetName | None
     loop: bool
     with_clicks: bool
     force: bool

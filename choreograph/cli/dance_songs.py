@@ -59,6 +59,7 @@ class SongDances:
             "loop": files.loop,
             "click": files.with_clicks,
             "camera": files.camera,
+            "target": files.target,
         }
         for one, paths in zip(made, job.outputs, strict=True):
             for path in paths:

@@ -138,6 +138,7 @@ _SAVE_OPTIONS = {
     "loop": ("--loop",),
     "click": ("--click",),
     "camera": ("--camera",),
+    "target": ("--for",),
 }
 
 _NAMES_OR_FILES = {"beats", "config", "motifs", "signature"}  # options that take either

@@ -200,7 +200,7 @@ def _from_hips(body: _Body, notes: list[str]) -> _Body:
 DANCE_DIGITS = "000"
 
 
-Naming = Literal["smpl", "mixamo", "ue", "vrm", "rigify"]
+Naming = Literal["smpl", "mixamo", "ue", "vrm", "humanoid", "rigify"]
 RestPose = Literal["t", "a"]
 
 

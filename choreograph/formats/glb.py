@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from choreograph.core.timebase import frame_times_s
 from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import INDICES, VERTICES, GltfDocument
+from choreograph.formats.targets import Target, prepared
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, text_names
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import to_local
@@ -32,23 +33,32 @@ class GlbWriter(Writer):
     """
 
     format = "glb"
-    uses = ("character", "camera")
+    uses = ("character", "camera", "target")
+    target: Target | None = None  # the program that the file is for
+    clip: str = ANIMATION_NAME  # the name of its animation
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`."""
-        document = dance_document(motion)
+        root, clip = "", ANIMATION_NAME
+        if self.target is not None:
+            motion, root, clip = prepared(motion, self.target), self.target.root, self.clip
+        document = dance_document(motion, root=root, clip=clip)
         if self.camera is not None:
             document = with_camera(document, self.camera)
         path.write_bytes((as_dance(document) if self.is_dance else document).to_glb())
 
 
-def dance_document(motion: Motion) -> GltfDocument:
-    """The document of a dance on the mannequin."""
+def dance_document(motion: Motion, *, root: str = "", clip: str = ANIMATION_NAME) -> GltfDocument:
+    """The document of a dance on the mannequin.
+
+    With the name of a `root`, the path of the hips on the floor is that of a bone above them. It is at the
+    origin in the rest pose.
+    """
     document = GltfDocument.empty(GENERATOR)
-    root, body = _add_dancer(document, motion, build_mannequin(motion.skeleton, motion))
-    document.add("scenes", {"name": "dance", "nodes": [root, body]})
+    first, body = _add_dancer(document, motion, build_mannequin(motion.skeleton, motion), root)
+    document.add("scenes", {"name": "dance", "nodes": [first, body]})
     document.json["scene"] = 0
-    add_animation(document, motion)
+    add_animation(document, motion, clip, first)
     return document
 
 
@@ -72,13 +82,19 @@ def scene_document(motions: Sequence[Motion], names: Sequence[str]) -> GltfDocum
     return document
 
 
-def _add_dancer(document: GltfDocument, motion: Motion, mesh: SkinnedMesh) -> tuple[int, int]:
-    """Add joints, skin and body of a dancer. Return the nodes of the first joint and of the body."""
+def _add_dancer(
+    document: GltfDocument, motion: Motion, mesh: SkinnedMesh, above: str = ""
+) -> tuple[int, int]:
+    """Add joints, skin and body of a dancer, and a bone `above` the joints if its name is given.
+
+    Return the nodes of the highest bone and of the body.
+    """
     floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
     root = _add_joints(document, motion, mesh, floor_m)
-    skin = _add_skin(document, mesh, floor_m, root)
+    first = document.add("nodes", {"name": above, "children": [root]}) if above else root
+    skin = _add_skin(document, mesh, floor_m, root, first)
     node = {"name": "body", "mesh": _add_mesh(document, mesh, floor_m), "skin": skin}
-    return root, document.add("nodes", node)
+    return first, document.add("nodes", node)
 
 
 def as_dance(document: GltfDocument) -> GltfDocument:
@@ -89,9 +105,19 @@ def as_dance(document: GltfDocument) -> GltfDocument:
     return marked
 
 
-def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME) -> None:
-    """Add the motion as an animation of nodes 0 to J - 1, which are its joints."""
-    document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), _tracks(motion, 0))
+def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_NAME, above: int = 0) -> None:
+    """Add the motion as an animation of nodes 0 to J - 1, which are its joints.
+
+    If node 0 has another one `above` it, that has the path on the floor, and node 0 the height.
+    """
+    tracks = _tracks(motion, 0)
+    if above:
+        floor = np.array([1.0, 0.0, 1.0])
+        tracks[:1] = [
+            (above, "translation", motion.root_pos_m * floor),
+            (0, "translation", motion.root_pos_m * (1.0 - floor)),
+        ]
+    document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), tracks)
 
 
 def _tracks(motion: Motion, root: int) -> list[tuple[int, str, NDArray[np.float64]]]:
@@ -125,13 +151,19 @@ def _add_joints(
     return root
 
 
-def _add_skin(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64], root: int) -> int:
-    inverse = np.tile(np.eye(4), (len(mesh.bind_pos_m), 1, 1))  # (J, 4, 4)
-    inverse[:, :3, :3] = rot.to_matrix(rot.invert(mesh.bind_quat))
-    inverse[:, :3, 3] = -rot.rotate(rot.invert(mesh.bind_quat), mesh.bind_pos_m - floor_m)
+def _add_skin(
+    document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64], root: int, first: int
+) -> int:
+    """The skin of the joints from node `root` on. A bone `first` above them is part of it and moves no vertex."""
+    joints = [*range(root, root + len(mesh.bind_pos_m)), *([first] if first != root else [])]
+    inverse = np.tile(np.eye(4), (len(joints), 1, 1))  # (J, 4, 4), or (J + 1, 4, 4)
+    inverse[: len(mesh.bind_pos_m), :3, :3] = rot.to_matrix(rot.invert(mesh.bind_quat))
+    inverse[: len(mesh.bind_pos_m), :3, 3] = -rot.rotate(
+        rot.invert(mesh.bind_quat), mesh.bind_pos_m - floor_m
+    )
     columns = inverse.transpose(0, 2, 1).reshape(-1, 16).astype(np.float32)  # glTF stores columns
     skin = {
-        "joints": list(range(root, root + len(mesh.bind_pos_m))), "skeleton": root,
+        "joints": joints, "skeleton": first,
         "inverseBindMatrices": document.accessor(columns),
     }  # fmt: skip
     return document.add("skins", skin)

@@ -197,6 +197,7 @@ class VmdWriter(Writer):
     """
 
     format = "vmd"
+    uses = ("target",)
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`. Raises `ParameterError` if its joint names are unknown."""

@@ -83,6 +83,12 @@ NAMES: dict[str, Mapping[str, str]] = {
          "MiddleProximal"),
         "left{}", "right{}",
     ),
+    "humanoid": _names(
+        ("Hips", "Spine", "Chest", "UpperChest", "Neck", "Head"),
+        ("UpperLeg", "LowerLeg", "Foot", "Toes", "Shoulder", "UpperArm", "LowerArm", "Hand",
+         "MiddleProximal"),
+        "Left{}", "Right{}",
+    ),
     "rigify": _names(
         ("spine", "spine.001", "spine.002", "spine.003", "spine.004", "spine.006"),
         ("thigh", "shin", "foot", "toe", "shoulder", "upper_arm", "forearm", "hand", "f_middle.01"),

@@ -33,6 +33,7 @@ from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
+from choreograph.formats.targets import TargetName
 from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.body import body_pos_m
@@ -110,23 +111,23 @@ class Dance:
         bvh: BvhOptions | None = None,
         loop: bool = False,
         camera: CameraMode | None = None,
+        target: TargetName | None = None,
         report: ProgressReport | None = None,
     ) -> None:
         """Write the dance to a file. The suffix selects the format.
 
-        .bvh and .npz hold the motion, .glb, .fbx, .usda and .usdc a body that moves, .vrma the motion for a
-        VRM avatar, .vmd for MikuMikuDance, .json the plan, .html a page that plays the dance with its song,
-        .mp4 a video, and .png poses on the beats.
+        .bvh and .npz hold the motion, .glb, .fbx, .usda and .usdc a body that moves, .vrma the motion of a
+        VRM avatar, .vmd that of MikuMikuDance, .json the plan, .html a page, .mp4 a video, .png poses.
 
         Parameters
         ----------
         path : the file to write
         click : mix a click on every count into the sound of a video, higher on count 1
-        character : the character of a .glb, .fbx or .html: a .glb, .gltf or .vrm file, or the result of
-            `read_character`
+        character : of a .glb, .fbx or .html: a .glb, .gltf or .vrm file, or the result of `read_character`
         bvh : how a .bvh is written
         loop : write the `loop` of the dance to a motion file
         camera : "front", "follow" or "cuts", which changes at phrases, in a page, video, GLB or USD file
+        target : the program that a .glb or .vmd is for, which decides names, rest pose, root motion and loop
         report : called with the name of the stage, the work done so far, and all the work
 
         Raises `ParameterError` for another suffix, an option that the format does not use, a folder that does
@@ -140,17 +141,18 @@ class Dance:
         if isinstance(character, str | Path):
             check_apart([path], [character])
             character = read_character(character)
-        kinds = (("a character", character, GltfCharacter), ("bvh", bvh, BvhOptions), ("camera", camera, str))
-        for what, given, kind in kinds:
-            if not (given is None or isinstance(given, kind)):
-                raise unexpected(f"{what} as {kind.__name__}", given)
-        options = {"click": click, "character": character, "bvh": bvh, "loop": loop, "camera": camera}
-        check_options(path, options)
+        given = {"character": character, "bvh": bvh, "camera": camera, "target": target}
+        kinds = (("a character", GltfCharacter), ("bvh", BvhOptions), ("camera", str), ("target", str))
+        for (what, kind), value in zip(kinds, given.values(), strict=True):
+            if not (value is None or isinstance(value, kind)):
+                raise unexpected(f"{what} as {kind.__name__}", value)
+        check_options(path, {**given, "click": click, "loop": loop})
         motion, from_s = (self.loop.motion, self.loop.start_s) if loop else (self.motion, 0.0)
         borders_s = [border - from_s for border in self.plan.phrase_borders_s if border > from_s]
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh,
             camera=None if camera is None else plan_cameras([motion], camera, borders_s),
+            target=target, loops=loop,
         )  # fmt: skip
         save_dance(path, parts, report)
 

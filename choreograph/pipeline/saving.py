@@ -20,10 +20,11 @@ from choreograph.core.progress import ProgressReport, substage
 from choreograph.formats import writers
 from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
 from choreograph.formats.fbx import convert
-from choreograph.formats.glb import as_dance
+from choreograph.formats.glb import GlbWriter, as_dance
 from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
+from choreograph.formats.targets import TARGETS, TargetName, check_target_format, clip_name, named_clip, reads
 from choreograph.formats.vmd import DANCE_MODEL
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
@@ -64,6 +65,8 @@ class SavedParts:
     bvh: BvhOptions | None = None  # options of a .bvh
     others: tuple[Motion, ...] = ()  # further dancers of a scene, in a video or in pictures
     camera: CameraPath | None = None  # that films it
+    target: TargetName | None = None  # the program that it is for
+    loops: bool = False  # whether the motion ends where it begins
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -79,15 +82,23 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
         document = character.dancing(parts.motion)
+        if parts.target is not None:
+            document = named_clip(document, _clip_name(parts, parts.target))
         if suffix == "glb" and parts.camera is not None:
             document = with_camera(document, parts.camera)
         save_document(path, as_dance(document))
     elif suffix in writers():
         writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
         writer.is_dance, writer.camera = True, parts.camera
+        if isinstance(writer, GlbWriter) and parts.target is not None:
+            writer.target, writer.clip = TARGETS[parts.target], _clip_name(parts, parts.target)
         save_motion(path, parts.motion, writer=writer)
     else:
         _SAVERS[suffix].save(parts, Path(path), report)
+
+
+def _clip_name(parts: SavedParts, target: TargetName) -> str:
+    return clip_name(parts.plan.song, TARGETS[target], loops=parts.loops)
 
 
 def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
@@ -127,11 +138,16 @@ def check_options(path: str | Path, given: Mapping[str, object]) -> None:
         if format_of(path) not in used_by(name):
             users = ", ".join(f".{format}" for format in used_by(name))
             raise ParameterError(f"expected a file among {users} for {name}, got {path}: leave out {name}")
+    if (target := given.get("target")) is not None:
+        check_target_format(str(target), path)
 
 
 def options_used(path: str | Path, given: Mapping[str, Any]) -> dict[str, Any]:
     """Those of the options of `Dance.save` that the format of a file uses."""
-    return {name: value for name, value in given.items() if format_of(path) in used_by(name)}
+    used = {name: value for name, value in given.items() if format_of(path) in used_by(name)}
+    if used.get("target") is not None and not reads(used["target"], path):
+        del used["target"]  # a .vmd beside a .glb for an engine, or the other way round
+    return used
 
 
 def check_outputs(paths: Sequence[str | Path]) -> None:

@@ -15,6 +15,7 @@ from choreograph.pipeline.saving import output_formats
 # What each option of files needs beside it, and the formats that it acts on.
 FILE_OPTIONS = {
     "--character": (["hero.glb"], {"html", "glb", "fbx"}),
+    "--for": (["unreal"], {"glb"}),
     "--camera": (["cuts"], {"html", "mp4", "glb", "usda", "usdc"}),
     "--loop": ([], {"bvh", "npz", "glb", "vrma", "vmd", "usda", "usdc", "fbx"}),
     "--click": ([], {"mp4"}),

@@ -1,0 +1,145 @@
+"""GLB files for programs: names, rest pose, root bone or in place, clips; the same motion in the world."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_characters import CHARACTERS, write_character
+from synthetic_motions import stepping
+from synthetic_pages import plan_for
+
+from choreograph.characters.gltf_character import read_character
+from choreograph.core.errors import ParameterError
+from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.register import import_takes
+from choreograph.formats.targets import TARGETS, check_target_format, clip_name, prepared
+from choreograph.formats.writer import NAMES
+from choreograph.motion import rotations as rot
+from choreograph.motion.motion import Motion
+from choreograph.pipeline.saving import SavedParts, save_dance
+
+MOTION = stepping(4 * 30, seed=1)
+MOTION = replace(MOTION, root_pos_m=MOTION.root_pos_m + np.linspace([0.5, 0, -0.5], [1.5, 0, 1.0], 120))
+ENGINES = [name for name in TARGETS if name != "mmd"]
+
+
+def saved(path, target, **parts):
+    plan = replace(plan_for(MOTION), song="My song (live)")
+    save_dance(path, SavedParts(MOTION, plan, lambda: np.zeros(0), None, target=target, **parts))
+    return read_gltf(path)
+
+
+def worlds_m(document, frames) -> dict[str, np.ndarray]:
+    """Positions in the world of all nodes by name, (F, 3), as the animation moves them."""
+    nodes, (animation,) = document.json["nodes"], document.json["animations"]
+    moved = {
+        (c["target"]["node"], c["target"]["path"]): document.array(
+            animation["samplers"][c["sampler"]]["output"]
+        )
+        for c in animation["channels"]
+    }
+    parents = {child: node for node, entry in enumerate(nodes) for child in entry.get("children", [])}
+
+    def transform(node, frame):
+        at = moved.get(
+            (node, "translation"), np.tile(nodes[node].get("translation", [0, 0, 0]), (frame + 1, 1))
+        )
+        turn = moved.get(
+            (node, "rotation"), np.tile(nodes[node].get("rotation", [0, 0, 0, 1]), (frame + 1, 1))
+        )
+        place, quat = at[frame], np.roll(turn[frame], 1)
+        if node not in parents:
+            return place, quat
+        above_m, above = transform(parents[node], frame)
+        return above_m + rot.rotate(above, place), rot.multiply(above, quat)
+
+    return {
+        entry["name"]: np.stack([transform(node, frame)[0] for frame in frames])
+        for node, entry in enumerate(nodes)
+        if "mesh" not in entry
+    }
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_bones_have_the_names_and_the_places_of_the_motion(tmp_path, name):
+    target, frames = TARGETS[name], [0, 30, 77, 119]
+    found = worlds_m(saved(tmp_path / "a.glb", name), frames)
+    names = NAMES[target.naming]
+    expected = MOTION.joint_pos_m()[frames]
+    if target.in_place:
+        expected = expected - (MOTION.root_pos_m[frames] * [1.0, 0.0, 1.0])[:, None]
+    assert set(found) == {names[role] for role in MOTION.skeleton.names} | {target.root} - {""}
+    for joint, role in enumerate(MOTION.skeleton.names):
+        assert np.allclose(found[names[role]], expected[:, joint], atol=2e-5), role
+    if target.root:
+        assert np.allclose(found[target.root], MOTION.root_pos_m[frames] * [1.0, 0.0, 1.0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ENGINES)
+def test_the_rest_pose_is_a_t_or_an_a(name):
+    rest = prepared(MOTION, TARGETS[name]).skeleton
+    names, pos_m = NAMES[TARGETS[name].naming], rest.rest_pos_m()
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        arm = pos_m[rest.index(names[f"{side}_wrist"])] - pos_m[rest.index(names[f"{side}_shoulder"])]
+        below = np.degrees(np.arctan2(-arm[1], sign * arm[0]))
+        assert below == pytest.approx({"t": 0.0, "a": 45.0}[TARGETS[name].rest], abs=1.0)
+    assert rest.names[0] == names["pelvis"] and abs(pos_m[0, [0, 2]]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["unreal", "godot"])
+def test_a_root_bone_is_the_first_of_the_skeleton_and_moves_no_vertex(tmp_path, name):
+    document = saved(tmp_path / "a.glb", name)
+    (skin,), nodes = document.json["skins"], document.json["nodes"]
+    root = nodes[skin["skeleton"]]
+    assert root == {"name": TARGETS[name].root, "children": [0]}  # at the origin in the rest pose
+    inverse = document.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
+    assert len(inverse) == len(skin["joints"]) == 1 + MOTION.skeleton.n_joints
+    assert np.array_equal(inverse[skin["joints"].index(skin["skeleton"])], np.eye(4))
+    (mesh,) = document.json["meshes"]
+    for primitive in mesh["primitives"]:
+        joints = document.array(primitive["attributes"]["JOINTS_0"])
+        assert joints.max() < MOTION.skeleton.n_joints
+
+
+def test_what_is_written_for_unreal_is_read_back(tmp_path):
+    saved(tmp_path / "a.glb", "unreal")
+    saved(tmp_path / "b.glb", None)
+    found = []
+    for path in (tmp_path / "a.glb", tmp_path / "b.glb"):
+        (take,) = import_takes(path)
+        pelvis = take.motion.joint_pos_m()[:, take.motion.skeleton.index("pelvis")]
+        found.append(pelvis - pelvis[0] * [0.0, 1.0, 0.0])  # readers put the lowest foot on the floor
+    assert np.allclose(*found, atol=1e-4)
+
+
+def test_clips_have_the_song_s_name_and_the_mark_of_a_loop(tmp_path):
+    assert saved(tmp_path / "a.glb", "unreal").json["animations"][0]["name"] == "My_song_live"
+    assert saved(tmp_path / "a.glb", "godot", loops=True).json["animations"][0]["name"] == "My_song_live-loop"
+    assert clip_name("???", TARGETS["unity"], loops=True) == "dance_loop"
+    write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
+    document = saved(tmp_path / "b.glb", "godot", character=read_character(tmp_path / "hero.glb"))
+    assert document.json["animations"][-1]["name"] == "My_song_live"
+
+
+def test_a_file_without_a_program_has_the_same_bytes_as_before(tmp_path):
+    document = saved(tmp_path / "a.glb", None)
+    assert [node["name"] for node in document.json["nodes"][:-1]] == list(MOTION.skeleton.names)
+    assert document.json["skins"][0]["joints"] == list(range(MOTION.skeleton.n_joints))
+    assert document.json["animations"][0]["name"] == "dance"
+
+
+def test_programs_and_files_that_do_not_fit_are_refused(tmp_path):
+    check_target_format("mmd", "a.vmd")
+    check_target_format("unreal", "A.GLB")
+    for name, path, says in (
+        ("mmd", "a.glb", "a file .vmd for mmd"),
+        ("unreal", "a.vmd", "a file .glb for unreal"),
+        ("maya", "a.glb", "among unreal, unity, vrchat, blender, mmd, godot, got 'maya'"),
+    ):
+        with pytest.raises(ParameterError, match=says):
+            check_target_format(name, path)
+    other = replace(MOTION.skeleton, names=tuple(f"j{i}" for i in range(MOTION.skeleton.n_joints)))
+    with pytest.raises(ParameterError):
+        prepared(Motion(other, MOTION.root_pos_m, MOTION.local_quat, MOTION.fps), TARGETS["unreal"])
