@@ -15,7 +15,6 @@ from choreograph.pipeline.saving import output_formats
 # What each option of files needs beside it, and the formats that it acts on.
 FILE_OPTIONS = {
     "--character": (["hero.glb"], {"html", "glb", "fbx"}),
-    "--for": (["unreal"], {"glb"}),
     "--camera": (["cuts"], {"html", "mp4", "glb", "usda", "usdc"}),
     "--loop": ([], {"bvh", "npz", "glb", "vrma", "vmd", "usda", "usdc", "fbx"}),
     "--click": ([], {"mp4"}),
@@ -121,6 +120,13 @@ def test_all_that_is_said_of_files_is_one_note(notes_of):
         "--camera has no effect on .bvh and .json"
     ]
     assert notes_of("-oa.bvh", "-oa.mp4", "--camera", "cuts")[1] == ["--camera has no effect on .bvh"]
+
+
+def test_a_program_gets_the_file_that_it_reads(notes_of):
+    assert notes_of("-oa.glb", "-oa.mp4", "--for", "unreal")[1] == ["--for has no effect on .mp4"]
+    assert notes_of("-oa.vmd", "--for", "mmd")[0].exit_code == 0
+    assert_one_line(notes_of("-oa.glb", "--for", "mmd")[0], says="expected a file .vmd for mmd, got a.glb")
+    assert_one_line(notes_of("-oa.bvh", "--for", "godot")[0], says=" for --for, got ")
 
 
 @pytest.mark.parametrize("option", [["--names", "ue"], ["--units=m"], ["--rest", "t"], ["--in-place"]])
