@@ -154,7 +154,7 @@ def _add_joints(
 def _add_skin(
     document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64], root: int, first: int
 ) -> int:
-    """The skin of the joints from node `root` on. A bone `first` above them is part of it and moves no vertex."""
+    """The skin of the joints from node `root` on. A bone `first` above them is in it, and moves no vertex."""
     joints = [*range(root, root + len(mesh.bind_pos_m)), *([first] if first != root else [])]
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))  # (J, 4, 4), or (J + 1, 4, 4)
     inverse[: len(mesh.bind_pos_m), :3, :3] = rot.to_matrix(rot.invert(mesh.bind_quat))

@@ -20,10 +20,14 @@ from synthetic_characters import CHARACTERS, VRM, write_character
 from synthetic_motions import on_other_axes, swaying
 
 from choreograph.characters.gltf_character import read_character
+from choreograph.formats.glb import GlbWriter
 from choreograph.formats.register import save_motion
+from choreograph.formats.targets import TARGETS
+from choreograph.formats.writer import NAMES
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 
+PROGRAMS = tuple(name for name in TARGETS if name != "mmd")
 JAVASCRIPT = Path(__file__).resolve().parents[1] / "javascript"
 
 pytestmark = [
@@ -47,6 +51,10 @@ def folder(tmp_path_factory, motion) -> Path:
     save_motion(folder / "dance.glb", motion)
     save_motion(folder / "other.glb", on_other_axes(motion, 2))
     save_motion(folder / "dance.vrma", motion)
+    for name in PROGRAMS:
+        writer = GlbWriter()
+        writer.target = TARGETS[name]
+        save_motion(folder / f"dance-{name}.glb", motion, writer=writer)
     for number, (name, spec) in enumerate(CHARACTERS.items()):
         write_character(folder / f"character-{number}.glb", spec)
         dancing = read_character(folder / f"character-{number}.glb").dancing(motion)
@@ -93,6 +101,17 @@ def test_three_js_shows_the_dance(page, motion):
     pos = motion.joint_pos_m()[frame]
     for joint, name in enumerate(motion.skeleton.names):
         np.testing.assert_allclose(shown[name], pos[joint], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_three_js_shows_a_dance_for_a_program(page, motion, name):
+    frame = 73
+    shown = page.evaluate(f"posed('dance-{name}.glb', {frame / motion.fps})")
+    path_m = motion.root_pos_m[frame] * [1.0, 0.0, 1.0]
+    pos = motion.joint_pos_m()[frame] - (path_m if TARGETS[name].in_place else 0.0)
+    for joint, role in enumerate(motion.skeleton.names):
+        own = NAMES[TARGETS[name].naming][role].replace(".", "")  # three.js removes dots
+        np.testing.assert_allclose(shown[own], pos[joint], atol=1e-3)
 
 
 def test_three_vrm_puts_the_animation_on_an_avatar(page, motion):
