@@ -173,12 +173,11 @@ _OUTPUT = (
     optgroup.option("--save-map", type=_FILE, help="Write the bones that were found (.json)."),
     optgroup.option(
         "--camera", type=click.Choice(CAMERA_MODES),
-        help="Film it from the audience (front), follow it, or cut on phrases (cuts), in an .html, .mp4, "
-        ".glb or .usda.",
+        help="Film it from the audience, follow it, or cut on phrases (.html, .mp4, .glb, .usda).",
     ),
     optgroup.option(
-        "--for", "target", type=click.Choice(TARGET_NAMES),
-        help="Program that a .glb or .vmd is for: names of bones, rest pose, root motion, loop mark.",
+        "--for", "target", type=click.Choice(TARGET_NAMES), metavar="PROGRAM",
+        help=f"Program that a .glb or .vmd is for: {', '.join(TARGET_NAMES)}.",
     ),
     optgroup.option("--loop", is_flag=True, help="Cut motion files to whole bars that can be looped."),
     optgroup.option(
