@@ -67,11 +67,11 @@ def test_without_bars_beats_are_numbered(tmp_path, drawn):
 
 OPTIONS = {
     "click": True, "loop": True, "bvh": BvhOptions(naming="ue"), "character": "hero.glb",
-    "camera": "front",
+    "camera": "front", "target": "unreal",
 }  # fmt: skip
 USED = {
-    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "glb": {"loop", "character", "camera"}, "vrma": {"loop"},
-    "vmd": {"loop"},
+    "bvh": {"bvh", "loop"}, "npz": {"loop"}, "vrma": {"loop"},
+    "glb": {"loop", "character", "camera", "target"}, "vmd": {"loop", "target"},
     "usda": {"loop", "camera"}, "usdc": {"loop", "camera"}, "fbx": {"loop", "character"},
     "html": {"character", "camera"}, "mp4": {"click", "camera"}, "png": set(), "json": set(),
 }  # fmt: skip
@@ -89,6 +89,7 @@ def test_an_option_that_a_format_does_not_use_is_refused(tmp_path, monkeypatch, 
     write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
     motion = swaying(300, fps=30.0)
     plan = replace(plan_for(motion), music_beat_numbers=numbers_in_bar(20, 4), metre=4)
+    value = "mmd" if (suffix, option) == ("vmd", "target") else OPTIONS[option]
     dance = cg.Dance(motion, plan)
     seen = []
     monkeypatch.setattr(
@@ -96,10 +97,10 @@ def test_an_option_that_a_format_does_not_use_is_refused(tmp_path, monkeypatch, 
     )
     if option not in USED[suffix]:
         with pytest.raises(ParameterError, match=f"for {option}, got .*leave out {option}"):
-            dance.save(tmp_path / f"a.{suffix}", **{option: OPTIONS[option]})
+            dance.save(tmp_path / f"a.{suffix}", **{option: value})
         assert not seen
         return
-    for options in ({}, {option: OPTIONS[option]}):
+    for options in ({}, {option: value}):
         dance.save(tmp_path / f"a.{suffix}", **options)
     without, parts = seen
     field = {"click": "with_clicks", "loop": "motion"}.get(option, option)
