@@ -29,7 +29,8 @@ from choreograph.core.numerics import chi_square_distance
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.formats.register import import_takes
 from choreograph.library.builtin import starter_repertoire
-from choreograph.library.motifs import Motifs, find_motifs, make_vocabulary
+from choreograph.library.motifs import Motifs, find_motifs
+from choreograph.library.vocabulary import make_vocabulary
 from choreograph.library.words import (
     Words,
     segment_words,

@@ -67,7 +67,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "librosa": ("music.beats",),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
     "networkx": ("choreography.graph.planners",),
-    "numba": ("core.kernel_cache",),
+    "numba": ("core.kernel_cache", "core.banded"),
     "distributed": ("core.clusters",),
     "fastapi": ("studio",),
     "fsspec": ("formats.remote",),

@@ -17,7 +17,7 @@ from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
-from choreograph.core import installed
+from choreograph.core import installed, installed_names
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import NO_MEMORY, Memory
 from choreograph.core.progress import ProgressReport
@@ -163,14 +163,20 @@ def engines() -> dict[str, Engine]:
     return {name: kind() for name, kind in {**kinds, **installed(ENGINE_GROUP)}.items()}
 
 
+def engine_named(name: str) -> Engine:
+    """The engine of this name. A built-in one is made without loading the others."""
+    if name not in BUILTIN_ENGINES or name in installed_names(ENGINE_GROUP):
+        return engines()[name]
+    made: Engine = resolve_name(BUILTIN_ENGINES[name])()
+    return made
+
+
 def engine_for(config: DanceConfig, constraints: Constraints) -> str:
     """The engine of `config`, or the mixer instead of the graph engine for a whole sequence of motifs."""
     return "mixer" if constraints.motifs and config.engine == "graph" else config.engine
 
 
-def check_settings(
-    engine: Engine, engines: Sequence[Engine], config: DanceConfig, given: Collection[str]
-) -> None:
+def check_settings(engine: Engine, config: DanceConfig, given: Collection[str]) -> None:
     """Raise `ParameterError` for a setting that `engine` does not use, or that another setting excludes.
 
     A setting counts if its name is among those `given`, or if its value in `config` is not the default.
@@ -179,7 +185,7 @@ def check_settings(
     unused = sorted((changed | set(given)) - COMMON_SETTINGS - engine.settings)
     if unused:
         name = unused[0]
-        users = " or ".join(other.name for other in engines if name in other.settings)
+        users = " or ".join(other.name for other in engines().values() if name in other.settings)
         raise ParameterError(
             f"expected no {name.replace('_', ' ')} with the {engine.name} engine: it is a setting of the "
             f"{users} engine. Leave it out, or choose that engine"

@@ -13,9 +13,9 @@ from choreograph.choreography.selection import genre_distances
 from choreograph.core.counts import Counts
 from choreograph.core.filters import median_filter
 from choreograph.core.numerics import Floats
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.take_counts import TakeTempi
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.music.form import Sections
 from choreograph.music.metrical_level import DANCED_IN
 from choreograph.music.song_features import SongFeatures

@@ -15,8 +15,8 @@ from choreograph.core.counts import Counts, make_counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_S, MAX_SLOPE, MIN_SLOPE
-from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song_features import SongFeatures

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from choreograph.core.counts import Counts, bars_of
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, Floats, Indices
-from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
 from choreograph.library.words import checked_signature
 from choreograph.music.count_grids import accent_shifts_s
 

@@ -31,8 +31,8 @@ from choreograph.choreography.motif_sequences import (
 from choreograph.choreography.passage_slots import PassageSlots, passage_slots
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.numerics import Floats, Indices, chi_square_distance, frame_blocks
-from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import Vocabulary
 from choreograph.library.words import signature
 
 # Passages of takes, and the draw of one.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts, Floats, squared_distances
 from choreograph.core.timebase import CLIP_S
-from choreograph.library.motifs import Vocabulary
+from choreograph.library.vocabulary import Vocabulary
 
 # The effort of motion, its size and the density of its steps, for a part of the song (not in the paper).
 #

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import io
 import logging
 import os
@@ -93,6 +94,11 @@ _COMMANDS = {
 }  # fmt: skip
 
 
+_GC_THRESHOLD = (
+    10_000  # new objects, after which Python looks for garbage. Imports alone make 700 over and over
+)
+
+
 class _Commands(click.Group):
     """Imports a command when it is used, so that the others do not slow it down."""
 
@@ -168,4 +174,8 @@ def run() -> None:
     """The program: `main`, with warnings of the library as notes and unexpected errors in one line."""
     sys.excepthook = report_crash
     logging.getLogger("choreograph").addHandler(_Notes())
-    main(prog_name="choreograph")
+    gc.set_threshold(_GC_THRESHOLD)
+    try:
+        main(prog_name="choreograph")
+    finally:
+        gc.freeze()  # Python would look for garbage once more at its end, for 0.2 s

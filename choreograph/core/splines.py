@@ -5,12 +5,11 @@ That module imports `scipy.optimize` and `scipy.sparse`, and takes longer than a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
+from choreograph.core.banded import solve_tridiagonal
 from choreograph.core.numerics import Floats
 
 
@@ -60,19 +59,14 @@ def _spline_rates(x: Floats, y: Floats) -> Floats:
     if len(x) == 3:
         right[0], right[-1] = 2 * slope[0], 2 * slope[-1]
         equations = np.array([[1.0, 1.0, 0.0], [step[1], bands[1, 1], step[0]], [0.0, 1.0, 1.0]])
-        return _solved(scipy.linalg.solve, equations, right)
+        solution: Floats = np.linalg.solve(equations, right.reshape(3, -1))
+        return solution.reshape(right.shape)
     first, last = x[2] - x[0], x[-1] - x[-3]
     bands[1, 0], bands[0, 1] = step[1], first
     bands[1, -1], bands[2, -2] = step[-2], last
     right[0] = ((wide[0] + 2 * first) * wide[1] * slope[0] + wide[0] ** 2 * slope[1]) / first
     right[-1] = (wide[-1] ** 2 * slope[-2] + (2 * last + wide[-1]) * wide[-2] * slope[-1]) / last
-    return _solved(partial(scipy.linalg.solve_banded, (1, 1)), bands, right)
-
-
-def _solved(solve: Callable[..., Floats], equations: Floats, right: Floats) -> Floats:
-    """The solution (N, ...) of linear equations with the right side (N, ...)."""
-    solution: Floats = solve(equations, right.reshape(len(right), -1), check_finite=False)
-    return solution.reshape(right.shape)
+    return solve_tridiagonal(bands, right)
 
 
 def _monotone_rates(x: Floats, y: Floats) -> Floats:

@@ -24,8 +24,8 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import ProgressReport, counted
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.metrical_level import tempo_bpm

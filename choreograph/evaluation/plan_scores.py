@@ -15,8 +15,8 @@ from choreograph.core.timebase import NET_FPS, NODE_FRAMES, WORD_FPS
 from choreograph.evaluation.danced_counts import figure_borders_s
 from choreograph.evaluation.metrics import requests, structure, transitions
 from choreograph.evaluation.scores import Scores
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import AnyInts, digest
 from choreograph.library.derived import genre_arrays
-from choreograph.library.motifs import Motifs, make_vocabulary, motif_arrays
+from choreograph.library.motifs import Motifs
 from choreograph.library.rows import MOST_BYTES
 from choreograph.library.schema import DERIVED, MOTIFS, OPTIONAL, NetArrays, layout_of
 from choreograph.library.store import RepertoireFile
+from choreograph.library.vocabulary import make_vocabulary, motif_arrays
 from choreograph.nets.configs import WORD_DIM
 
 SUFFIX = ".h5"  # of the files in a folder

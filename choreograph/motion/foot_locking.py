@@ -6,9 +6,9 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from choreograph.core.banded import solve_symmetric
 from choreograph.core.errors import ParameterError
 from choreograph.core.filters import gaussian_filter, maximum_filter
 from choreograph.core.numerics import Floats, frame_blocks
@@ -153,13 +153,12 @@ def locking_shift(
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:
-        shift_m: Floats = scipy.linalg.solveh_banded(bands, wanted, lower=True)
-        return shift_m
+        return solve_symmetric(bands, wanted)
     n_given = len(given_m)
     for below in range(1, _ORDER + 1):  # the terms of given shifts in the equations of later frames
         for given in range(max(0, n_given - below), n_given):
             wanted[given + below] -= bands[below, given] * given_m[given]
-    rest = scipy.linalg.solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
+    rest = solve_symmetric(bands[:, n_given:], wanted[n_given:])
     return np.concatenate([given_m, rest])
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import (
@@ -19,6 +18,7 @@ from choreograph.core.arguments import (
     is_whole,
     unexpected,
 )
+from choreograph.core.banded import solve_tridiagonal
 from choreograph.core.counts import NO_COUNTS, Counts, Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
@@ -197,8 +197,7 @@ def _spline_frames(values: NDArray[np.float64], frames: NDArray[np.float64]) -> 
     bands = np.ones((3, len(values)))
     bands[1, 1:-1] = 4.0
     bands[0, 1] = bands[2, -2] = 2.0
-    rate = scipy.linalg.solve_banded((1, 1), bands, right.reshape(len(values), -1), check_finite=False)
-    rate = rate.reshape(values.shape)
+    rate = solve_tridiagonal(bands, right)
     low = np.minimum(frames.astype(np.int64), len(values) - 2)
     past = (frames - low).reshape(-1, *[1] * (values.ndim - 1))
     first_rate, mean_rate = rate[low], slope[low]

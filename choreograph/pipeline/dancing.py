@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.enforcement import AvoidRepeating
-from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engines
+from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engine_named
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
 from choreograph.choreography.material import choose_material, missing_from_plan
@@ -292,7 +292,7 @@ def dance_with(
     known = _as_existing(existing, keep, repertoire)
     if known is not None and "fps" not in settings:
         config = replace(config, fps=known.motion.fps)
-    engine = engines()[config.engine]
+    engine = engine_named(config.engine)
     engine.check(repertoire, config, requested, costs)
     loaded = part_of(song, start_s, duration_s, known.plan if known else None, keep=config.cache)
     style = None if config.style_song is None else as_song("a style song", config.style_song)
@@ -318,7 +318,7 @@ def _configured(
     if "engine" not in given:
         config = replace(config, engine=engine_for(config, requested))
     used = {*given, "costs"} if costs else set(given)
-    check_settings(engines()[config.engine], list(engines().values()), config, used)
+    check_settings(engine_named(config.engine), config, used)
     return config
 
 

@@ -29,9 +29,9 @@ from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.builtin import as_repertoire
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.music.frame_rhythm import RhythmStream
 from choreograph.music.song import Song, as_song
 from choreograph.nets.rollout_poses import LOOKAHEAD_FRAMES, ROLLOUT_FPS

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.enforcement import AvoidRepeating
-from choreograph.choreography.engine import BUILTIN_ENGINES, engines
+from choreograph.choreography.engine import BUILTIN_ENGINES, engine_named
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import installed_costs
 from choreograph.core.arguments import as_floats, as_list, is_whole, unexpected
@@ -195,7 +195,7 @@ def vary(
     session = Session(song, repertoire, start_s=start_s, duration_s=duration_s)
     made: list[Dance] = []
     for seed in range(config.seed, config.seed + _SEEDS * n):
-        has_costs = bool(made) and "candidates" in engines()[made[0].plan.engine].settings
+        has_costs = bool(made) and "candidates" in engine_named(made[0].plan.engine).settings
         avoid = (AvoidRepeating([one.plan for one in made]),) if has_costs else ()
         arguments |= {"config": replace(config, seed=seed), "costs": (*costs, *avoid)}
         one = session.dance(**arguments)

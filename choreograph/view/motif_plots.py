@@ -18,8 +18,8 @@ from choreograph.core.files import atomic_path, ends_of, free_names
 from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.progress import counted
 from choreograph.formats.writer import GENERATOR
-from choreograph.library.motifs import ALL_GENRES, Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
 from choreograph.library.words import signature
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion

@@ -19,9 +19,9 @@ from choreograph.choreography.genres import (
     song_metre_at,
 )
 from choreograph.core.counts import NO_COUNTS, Counts, make_counts, numbers_in_bar
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.library.writing import write_repertoire
 from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures

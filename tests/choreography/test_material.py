@@ -18,9 +18,9 @@ from synthetic_repertoire import (
 from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.material import Material, choose_material, counts_on_bars, takes_of_signature
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import NetArrays
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.library.writing import write_repertoire
 from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures

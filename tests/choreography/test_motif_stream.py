@@ -7,7 +7,7 @@ from choreograph.choreography.rollout.streaming import MotifStream
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.library.builtin import starter_repertoire
-from choreograph.library.motifs import ALL_GENRES
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.library.words import signature
 
 pytestmark = pytest.mark.slow

@@ -31,7 +31,8 @@ from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics.structure import n_gram_share
 from choreograph.library.builtin import starter_repertoire
-from choreograph.library.motifs import find_motifs, make_vocabulary
+from choreograph.library.motifs import find_motifs
+from choreograph.library.vocabulary import make_vocabulary
 from choreograph.library.words import signature
 from choreograph.music.form import Form, Phrase, Sections
 from choreograph.music.song import Song

@@ -22,10 +22,11 @@ import choreograph as cg
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.formats.register import save_motion
 from choreograph.library.catalogue import add_files, create_library, merge_library, remove_files
-from choreograph.library.motifs import Motifs, make_vocabulary, motif_arrays
+from choreograph.library.motifs import Motifs
 from choreograph.library.schema import Contents, layout_of
 from choreograph.library.shards import RepertoireShards, open_files
 from choreograph.library.store import RepertoireFile
+from choreograph.library.vocabulary import make_vocabulary, motif_arrays
 from choreograph.library.writing import write_repertoire
 
 PERIODS_S = (0.5, 0.6, 0.75, 0.5)

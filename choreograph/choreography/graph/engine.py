@@ -28,8 +28,8 @@ from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.numerics import Memory
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.danced_span import REACH_S, join_times_s

@@ -23,8 +23,8 @@ from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
-from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
 from choreograph.plan_parts import PlannedWord

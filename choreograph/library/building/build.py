@@ -41,11 +41,11 @@ from choreograph.library.building.takes import (
     segment_takes,
 )
 from choreograph.library.builtin import pretrained_set
-from choreograph.library.motifs import Vocabulary, motif_arrays
 from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays, rollout_names
 from choreograph.library.songs import SongCache, song_notes
+from choreograph.library.vocabulary import Vocabulary, motif_arrays
 from choreograph.library.writing import ClipDensity, EmbedMotion, MeasuredTake, to_arrays, write_repertoire
 from choreograph.motion.motion import Take
 from choreograph.music.song_features import motion_density

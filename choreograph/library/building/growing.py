@@ -45,12 +45,12 @@ from choreograph.library.building.takes import (
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.derived import with_derived
 from choreograph.library.joined_rows import Rows
-from choreograph.library.motifs import Vocabulary, motif_arrays
 from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents
 from choreograph.library.songs import SongCache, song_notes
 from choreograph.library.store import RepertoireFile
+from choreograph.library.vocabulary import Vocabulary, motif_arrays
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.motion import Take
 

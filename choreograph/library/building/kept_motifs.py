@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
-from choreograph.library.motifs import Motifs, Vocabulary, make_vocabulary
+from choreograph.library.motifs import Motifs
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import Vocabulary, make_vocabulary
 from choreograph.library.words import poses_at
 from choreograph.motion.body import clips_to_root_frame
 

@@ -17,10 +17,10 @@ import numpy as np
 from choreograph.core.files import sha256_of
 from choreograph.core.progress import ProgressReport
 from choreograph.library.building.takes import SegmentedTake, measure_take, segment_takes
-from choreograph.library.motifs import Vocabulary
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import Contents, NetArrays
 from choreograph.library.songs import SongCache, music_of_take
+from choreograph.library.vocabulary import Vocabulary
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.motion import Take
 
