@@ -32,6 +32,9 @@ class GenreTransitions:
     def __iter__(self) -> Iterator[Floats]:
         return map(self.__getitem__, self._genres)
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        return np.array(list(self), dtype)
+
     def __getitem__(self, genre: int) -> Floats:
         row = self._genres[genre]
         if row not in self._known:
