@@ -15,7 +15,6 @@ of those that are tested on. Dances of each to the songs of its takes are told f
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -35,7 +34,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 from research.movement_ranges import OF_A_ROBOT, street_body
-from research.real_or_built_in import Windows, auc, built_in_takes, windows_of
+from research.real_or_built_in import Windows, arguments, asked_repertoire, auc, built_in_takes, windows_of
 
 Body = tuple[str, str, str, np.ndarray]  # name, genre, source, positions (T, 21, 3) at 20 fps
 Row = tuple[str, float, float]  # what is told from what, mean and spread of the AUC
@@ -221,15 +220,10 @@ def show(what: str, mean: float, spread: float) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("dances", type=Path)
-    parser.add_argument("lists", type=Path)
-    parser.add_argument("street", type=Path)
-    parser.add_argument("--repertoire", type=Path, help="default: the built-in one")
+    parser = arguments(__doc__)
     parser.add_argument("--built", type=Path, metavar="FOLDER", help="where two repertoires are built")
-    parser.add_argument("--seeds", type=int, default=3)
     given = parser.parse_args()
-    repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
+    repertoire = asked_repertoire(given)
     takes = recorded(given.dances, given.lists, given.street)
     made = built_in_takes(repertoire)
     bodies = [*(take.body() for take in takes), *of_a_robot(given.street), *made]

@@ -147,17 +147,27 @@ def only(windows: Windows, what: str) -> Windows:
     return replace(windows, velocity=slow if what == "slow motion" else velocity - slow)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+def arguments(description: str | None) -> argparse.ArgumentParser:
+    """The arguments of all that tells takes: real takes of three sources, a repertoire, and seeds."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("dances", type=Path)
     parser.add_argument("lists", type=Path)
     parser.add_argument("street", type=Path)
     parser.add_argument("--repertoire", type=Path, help="default: the built-in one")
     parser.add_argument("--seeds", type=int, default=3)
+    return parser
+
+
+def asked_repertoire(given: argparse.Namespace) -> cg.Repertoire:
+    """The repertoire that the arguments name, or the built-in one."""
+    return cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
+
+
+def main() -> None:
+    parser = arguments(__doc__)
     parser.add_argument("--by-part", action="store_true", help="what takes are told by")
     given = parser.parse_args()
-    repertoire = cg.Repertoire.open(given.repertoire) if given.repertoire else cg.starter_repertoire()
-    made = windows_of(built_in_takes(repertoire))
+    made = windows_of(built_in_takes(asked_repertoire(given)))
     real = windows_of(real_takes(given.dances, given.lists, given.street))
     print(f"{len(made.genre)} windows of built-in takes, {len(real.genre)} of real ones")
     show("real or built-in", real, made, given.seeds)
