@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import socket
 import sys
+import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -14,8 +16,10 @@ import click
 
 from choreograph.cli.present import Command, examples, say, stages
 from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
+    from choreograph.live.stream import Sent
     from choreograph.motion.motion import Motion
     from choreograph.pipeline.dancing import Dance
 
@@ -31,9 +35,17 @@ _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
         "choreograph live song.mp3 --dance dance.bvh        a dance that was made before",
         "choreograph live song.mp3 --host 192.168.0.7 --silent",
         "choreograph live song.mp3 --websocket 8765         frames as JSON for web pages and programs, too",
+        "arecord -f cd | choreograph live --input -         a dance to music that is still playing",
+        "choreograph live --input mic                       the same from a microphone",
     ),
 )
-@click.argument("song", type=_FILE)
+@click.argument("song", type=_FILE, required=False)
+@click.option("--input", "stream", type=click.Choice(["-", "mic"]), help="Follow standard input or a microphone.")
+@click.option("--pcm", metavar="FORMAT", help="Format of standard input, such as 44100:2:s16. Default: its WAV header.")
+@click.option(
+    "--latency", type=click.FloatRange(-1.0, 1.0), default=0.0, show_default=True, metavar="SECONDS",
+    help="With --input, send frames so much earlier than the sound arrives here.",
+)
 @click.option("--dance", type=_FILE, metavar="MOTION", help="A motion to the song. Default: a new dance.")
 @click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire of a new dance.")
 @click.option("--engine", metavar="graph|mixer|rollout", help="Engine of a new dance.  [default: graph]")
@@ -48,7 +60,10 @@ _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
 @click.option("--fps", type=_RATES, default=60.0, show_default=True, help="Frames a second.")
 @click.option("--silent", is_flag=True, help="Do not play the song here.")
 def command(
-    song: Path,
+    song: Path | None,
+    stream: str | None,
+    pcm: str | None,
+    latency: float,
     dance: Path | None,
     db: tuple[Path, ...],
     engine: str | None,
@@ -67,7 +82,53 @@ def command(
 
     A new dance can be changed while it runs. Type genre salsa, energy 0.7, pin take:NAME, pin motif:41 or
     seed 3, and it is danced from the next phrase on.
+
+    With --input, the beats are followed while the music plays, and the dance is planned about 2 s ahead of it.
     """
+    arguments = {"engine": engine or "graph", "genre": genre, "seed": seed}
+    receiver = _receiver(host, port)
+    if stream is not None:
+        if song or dance or engine or silent:
+            raise ParameterError("expected --input without SONG, --dance, --engine and --silent, got both")
+        _follow(stream, pcm, latency, db, genre, seed, receiver, (websocket, control), fps)
+        return
+    if song is None or pcm or latency:
+        raise ParameterError("expected a SONG, or --input, which --pcm and --latency belong to, got neither")
+    if dance is not None and (db or engine or genre or seed or control):
+        raise ParameterError("expected --dance or options of a new dance, got both: leave out one")
+    _play(song, dance, db, arguments, receiver, (websocket, control), fps, silent=silent)
+
+
+@dataclass(frozen=True)
+class _Receiver:
+    """Where packets are sent."""
+
+    name: str
+    family: int
+    address: tuple[object, ...]
+
+
+def _receiver(host: str, port: int) -> _Receiver:
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+    except (OSError, UnicodeError) as error:  # a UnicodeError for a name that no machine can have
+        reason = getattr(error, "strerror", None) or "not a name of a machine"
+        raise ChoreographError(f"expected the receiver's machine, got {host!r}: {reason}") from None
+    return _Receiver(f"{host}:{port}", found[0], found[4])
+
+
+def _play(
+    song: Path,
+    dance: Path | None,
+    db: tuple[Path, ...],
+    arguments: dict[str, Any],
+    receiver: _Receiver,
+    ports: tuple[int | None, int | None],
+    fps: float,
+    *,
+    silent: bool,
+) -> None:
+    """Send a dance to a song that is played here."""
     from choreograph.live.changing import ChangingBody, changing
     from choreograph.live.listening import listening, take_lines
     from choreograph.live.sound import playing
@@ -76,20 +137,13 @@ def command(
     from choreograph.live.vmc import VmcBody
     from choreograph.live.websocket import serving
 
-    arguments = {"engine": engine or "graph", "genre": genre, "seed": seed}
-    if dance is not None and (db or engine or genre or seed or control):
-        raise ParameterError("expected --dance or options of a new dance, got both: leave out one")
+    websocket, control = ports
     made = _dance(song, db, arguments) if dance is None else None
     motion = made.motion if made is not None else _motion(song, dance)
     body = ChangingBody(VmcBody.of(motion.resampled(fps)))
-    try:
-        address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    except (OSError, UnicodeError) as error:  # a UnicodeError for a name that no machine can have
-        reason = getattr(error, "strerror", None) or "not a name of a machine"
-        raise ChoreographError(f"expected the receiver's machine, got {host!r}: {reason}") from None
     clock = _Clock()
     with ExitStack() as stack:
-        out = stack.enter_context(socket.socket(address[0], socket.SOCK_DGRAM))
+        out = stack.enter_context(socket.socket(receiver.family, socket.SOCK_DGRAM))
         ask = None
         if made is not None:
             changes = stack.enter_context(
@@ -104,12 +158,67 @@ def command(
             Thread(target=take_lines, args=(sys.stdin, ask, say), daemon=True).start()
 
         def send(frame: int, time_s: float) -> None:
-            _send(out, body.packet(frame, time_s), address[4])
+            _send(out, body.packet(frame, time_s), receiver.address)
             if frames is not None:
                 frames.put(body.pose(frame, time_s))
 
-        say(f"sending {len(body) / fps:.1f} s to {host}:{port}, {fps:g} frames a second: Ctrl-C ends it")
+        say(f"sending {len(body) / fps:.1f} s to {receiver.name}, {fps:g} frames a second: Ctrl-C ends it")
         sent = send_frames(len(body), fps, send, song_s=clock)
+    _say_sent(sent)
+
+
+def _follow(
+    source: str,
+    pcm: str | None,
+    latency_s: float,
+    db: tuple[Path, ...],
+    genre: str | None,
+    seed: int,
+    receiver: _Receiver,
+    ports: tuple[int | None, int | None],
+    fps: float,
+) -> None:
+    """Send a dance to music that is still playing, until it ends."""
+    from choreograph.live.listening import listening
+    from choreograph.live.pcm import PcmFormat, microphone, pcm_blocks
+    from choreograph.live.stream import send_frames
+    from choreograph.live.stream_dance import StreamTime, hear_all, stream_dance
+    from choreograph.live.websocket import serving
+
+    websocket, control = ports
+    given = None if pcm is None else PcmFormat.parse(pcm)
+    if source == "mic" and given is not None:
+        raise ParameterError("expected --pcm with --input -, got it with a microphone: leave it out")
+    with ExitStack() as stack:
+        out = stack.enter_context(socket.socket(receiver.family, socket.SOCK_DGRAM))
+        dance = stack.enter_context(stream_dance(db, say, genre=genre, seed=seed))
+        ask = dance.requests.put
+        if control is not None:
+            stack.enter_context(listening(control, ask, say))
+        frames = stack.enter_context(serving(websocket, ask)) if websocket is not None else None
+        blocks = stack.enter_context(microphone()) if source == "mic" else pcm_blocks(sys.stdin.buffer, given)
+        stream_s = StreamTime()
+        began_s = time.perf_counter()
+
+        def send(frame: int, time_s: float) -> None:
+            now_s = stream_s() + latency_s
+            body = dance.body.at(now_s)
+            _send(out, body.packet(0, now_s), receiver.address)
+            if frames is not None:
+                frames.put({**body.pose(0, now_s), "frame": frame})
+
+        say(f"sending to {receiver.name}, {fps:g} frames a second: the end of the music or Ctrl-C ends it")
+        reader = Thread(target=hear_all, args=(dance, blocks, stream_s), daemon=True)
+        reader.start()
+        sent = send_frames(
+            None, fps, send, song_s=lambda: time.perf_counter() - began_s, ended=lambda: not reader.is_alive()
+        )
+    late = f", {counted(dance.n_late, 'part')} too late" if dance.n_late else ""
+    say(f"danced {counted(dance.n_parts, 'part')} to {dance.heard_s:.1f} s of music{late}")
+    _say_sent(sent)
+
+
+def _say_sent(sent: Sent) -> None:
     skipped = f", {sent.n_skipped} skipped" if sent.n_skipped else ""
     say(f"sent {sent.n_frames} frames{skipped}, at most {1000 * sent.latest_s:.1f} ms late")
 

@@ -85,7 +85,16 @@ def sized(motion: Motion, sizes: Sequence[tuple[float, float]]) -> Motion:
     amplitudes = np.ones(max(1, int(np.ceil(before.duration_s))))
     for from_s, size in sizes:
         amplitudes[int(np.ceil(from_s - sizes[0][0] + _EASE_S)) :] = size
-    after = lock_feet(with_amplitudes(before, amplitudes.tolist()))
+    return with_feet_locked(motion, with_amplitudes(before, amplitudes.tolist()), first)
+
+
+def with_feet_locked(motion: Motion, after: Motion, first: int) -> Motion:
+    """The motion with its frames from `first` on replaced by changed ones, whose feet are locked anew.
+
+    The change begins there in no pose, and the other rotations of locked legs come within a second.
+    """
+    before = motion.sliced(first, motion.n_frames)
+    after = lock_feet(after)
     share = np.minimum(np.arange(before.n_frames) / motion.fps, 1.0)[:, None]  # of the feet locked anew
     root_pos_m = before.root_pos_m + share * (after.root_pos_m - before.root_pos_m)
     local_quat = rot.slerp(before.local_quat, after.local_quat, share)

@@ -17,29 +17,30 @@ class Sent:
 
 
 def send_frames(
-    n_frames: int,
+    n_frames: int | None,
     fps: float,
     send: Callable[[int, float], None],
     *,
     song_s: Callable[[], float],
     sleep: Callable[[float], None] = time.sleep,
+    ended: Callable[[], bool] = lambda: False,
 ) -> Sent:
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
-    `send` is called with the frame and the time in the song.
+    `send` is called with the frame and the time in the song. Without a number of frames, they end when `ended`.
     `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
     so that errors do not add up.
     """
     n_sent, n_skipped, latest_s, frame = 0, 0, 0.0, 0
-    while frame < n_frames:
+    while not ended() and (n_frames is None or frame < n_frames):
         due_s = frame / fps
         now_s = song_s()
         if now_s < due_s:
             sleep(due_s - now_s)
             continue
         late = int((now_s - due_s) * fps)
-        if late and frame < n_frames - 1:
-            step = min(late, n_frames - 1 - frame)
+        if late and (n_frames is None or frame < n_frames - 1):
+            step = late if n_frames is None else min(late, n_frames - 1 - frame)
             n_skipped, frame = n_skipped + step, frame + step
             continue
         send(frame, now_s)

@@ -80,5 +80,16 @@ class VmcBody:
         pos_m, quat = (np.concatenate([mine[:first], its[first : len(mine)]]) for mine, its in pairs)
         return VmcBody(pos_m, quat, self.names)
 
+    def between(self, frame: float) -> VmcBody:
+        """One frame between two of this body, at a fractional frame from 0 to the last one."""
+        first = min(int(frame), len(self) - 1)
+        second, share = min(first + 1, len(self) - 1), frame - first
+        near, far = self.bone_quat[first], self.bone_quat[second]
+        far = np.where((near * far).sum(axis=-1, keepdims=True) < 0, -far, far)
+        quat = near + share * (far - near)
+        quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+        pos_m = self.bone_pos_m[first] + share * (self.bone_pos_m[second] - self.bone_pos_m[first])
+        return VmcBody(pos_m[None], quat[None], self.names)
+
     def __len__(self) -> int:
         return len(self.bone_pos_m)

@@ -216,7 +216,7 @@ def _decoded(
     decoding = decode(path)
     levels = _Levels(decoding.n_channels)
     mono = _mono_span(levels.watched(decoding.blocks), decoding.rate_hz, start_s, duration_s, weights)
-    parts = list(_resampled(_of_bearable_length(mono, path, decoding.rate_hz), decoding.rate_hz))
+    parts = list(resampled(_of_bearable_length(mono, path, decoding.rate_hz), decoding.rate_hz))
     return (_concatenated(parts), tuple(decoding.notes)), levels
 
 
@@ -296,7 +296,8 @@ def _of_bearable_length(
         yield block
 
 
-def _resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: int) -> Iterator[NDArray[np.float32]]:
+def resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: float) -> Iterator[NDArray[np.float32]]:
+    """Blocks of mono samples (S,) at 22.05 kHz, of blocks at another rate."""
     if rate_hz == SAMPLE_RATE_HZ:
         yield from blocks
         return

@@ -1,0 +1,209 @@
+"""Beats and bars of music while it plays, from what was played so far.
+
+Every half second, the last seconds are analysed as a song of their own: the network and the bar pointer find
+beats, and the metre model numbers them. The newest beats give a tempo and a phase, and the clock follows
+them. So the clock is causal, and what an analysis finds at the edge of what was played is not taken over at
+once: a small error is corrected within two beats, and other beats must be found several times in a row.
+
+That short windows are analysed again and again is the method of Meier, Chiu and Müller, *A real-time beat
+tracking system with zero latency and enhanced controllability* (2024), who also extrapolate the beats.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from choreograph.core.counts import NO_COUNTS, Counts
+from choreograph.core.numerics import Floats
+from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ
+from choreograph.live.beat_clock import BeatClock
+from choreograph.music.bars import track_bars
+from choreograph.music.mel import MEL_BANDS, MEL_WINDOW, log_mel_of_windows
+from choreograph.music.metrical_level import with_eighths
+from choreograph.nets.music_counts import MusicCounts, network_beats, shipped_music_counts
+
+HOP_S = 0.5  # between two analyses
+WINDOW_S = 20.0  # of the music that is analysed
+_FEWEST_BEATS = 4
+_LEAST_S = 4.0  # of music before the first analysis
+_FITTED_BEATS = 16  # the newest ones, which give tempo and phase
+_LEAD_BEATS = 4.0  # after the newest beat, for which the tempo is predicted
+_MOST_CHANGE = 0.07  # relative, of the tempo until then
+_SAME_TEMPO = 0.12  # relative change of a tempo that is followed
+_SAME_PHASE = 0.3  # error of a phase in beats that is corrected
+_GAIN = 0.7  # share of an error that is corrected
+_TIMES_OTHER = 4  # analyses in a row that must find other beats
+_NUMBERINGS = 8  # the latest analyses, most of which decide on count 1
+_SILENT_S = 2.5  # without sound, after which there is no clock
+_SILENCE = 1e-3  # amplitude, -60 dB
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What one analysis finds."""
+
+    last_s: float  # the newest beat, by a curve through the newest ones
+    period_s: float  # of the beats that come
+    metre: int
+    number: int  # of the newest beat
+
+
+class OnlineBeats:
+    """Follows beats and bars of a stream of samples, mono at 22.05 kHz."""
+
+    def __init__(self, net: MusicCounts | None = None, *, window_s: float = WINDOW_S) -> None:
+        self._net, self._window_s = net or shipped_music_counts(), window_s
+        self._samples = np.zeros(0, np.float32)  # the last ones
+        self._first = 0  # index in the stream of the first of them
+        self._mel = np.zeros((0, MEL_BANDS), np.float32)  # of the last frames, as in `music.mel`
+        self._n_frames = 0  # number of all frames so far
+        self._analysed = self._sounded = 0  # samples at the last analysis, and at the last sound
+        self._other: deque[_Found] = deque(maxlen=_TIMES_OTHER)
+        self._numberings: deque[tuple[int, int]] = deque(maxlen=_NUMBERINGS)
+        self._generation = 0
+        self.clock: BeatClock | None = None  # of the beats from now on, or None if none are known
+
+    @property
+    def heard_s(self) -> float:
+        """Seconds of the stream so far."""
+        return (self._first + len(self._samples)) / SAMPLE_RATE_HZ
+
+    @property
+    def recent(self) -> tuple[float, NDArray[np.float32]]:
+        """The last seconds of the stream: the time of their start, and their samples (S,)."""
+        return self._first / SAMPLE_RATE_HZ, self._samples
+
+    def feed(self, samples: NDArray[np.floating]) -> bool:
+        """Add samples (S,) that follow those before. Returns whether the music was analysed again."""
+        block = np.asarray(samples, np.float32)
+        loud = np.flatnonzero(np.abs(block) > _SILENCE)
+        if len(loud):
+            self._sounded = self._first + len(self._samples) + int(loud[-1]) + 1
+        self._samples = np.concatenate([self._samples, block])
+        self._add_frames()
+        n_fed = self._first + len(self._samples)
+        if n_fed - self._analysed < HOP_S * SAMPLE_RATE_HZ:
+            return False
+        self._analysed = n_fed
+        if n_fed - self._sounded > _SILENT_S * SAMPLE_RATE_HZ:
+            self._forget()
+        elif len(self._mel) >= _LEAST_S * MUSIC_FPS:
+            self._follow(self._counted())
+        return True
+
+    def _add_frames(self) -> None:
+        """Compute the frames whose windows are complete, and drop what is older than the window."""
+        half = MEL_WINDOW // 2
+        n_frames = int((self._first + len(self._samples) - half) * MUSIC_FPS / SAMPLE_RATE_HZ) + 1
+        centres = np.rint(np.arange(self._n_frames, n_frames) * SAMPLE_RATE_HZ / MUSIC_FPS).astype(np.int64)
+        if len(centres) == 0:
+            return
+        starts = centres - half - self._first
+        before = max(0, -int(starts[0]))  # silence before the stream
+        padded = np.concatenate([np.zeros(before, np.float32), self._samples])
+        windows = np.lib.stride_tricks.sliding_window_view(padded, MEL_WINDOW)[starts + before]
+        keep = round(self._window_s * MUSIC_FPS)
+        self._mel = np.concatenate([self._mel, log_mel_of_windows(windows)])[-keep:]
+        self._n_frames = n_frames
+        drop = round((n_frames - len(self._mel)) * SAMPLE_RATE_HZ / MUSIC_FPS) - half - self._first
+        if drop > 0:
+            self._samples, self._first = self._samples[drop:], self._first + drop
+
+    def _counted(self) -> Counts:
+        """The beats of the window with their numbers, in seconds of the stream."""
+        first_frame = self._n_frames - len(self._mel)
+        start = round(first_frame * SAMPLE_RATE_HZ / MUSIC_FPS)
+        samples = self._samples[start - self._first :]
+        beats_s = network_beats(self._mel, self._net)
+        beats_s = beats_s[beats_s < len(samples) / SAMPLE_RATE_HZ]
+        if len(beats_s) < _FEWEST_BEATS:
+            return NO_COUNTS
+        counts = with_eighths(samples, self._mel, track_bars(samples, self._mel, beats_s))
+        return replace(counts, times_s=counts.times_s + first_frame / MUSIC_FPS)
+
+    def _follow(self, counts: Counts) -> None:
+        if len(counts) < _FEWEST_BEATS:
+            return
+        now_s, clock, found = self.heard_s, self.clock, _newest(counts)
+        if clock is not None:
+            error = (now_s - found.last_s) / found.period_s - float(clock.beat_at(now_s))
+            error -= round(error)
+            same_tempo = abs(np.log(found.period_s / clock.period_s)) < _SAME_TEMPO
+            if same_tempo and abs(error) < _SAME_PHASE:
+                self._other.clear()
+                self.clock = self._numbered(clock.followed(now_s, _GAIN * error, found.period_s), found)
+                return
+        if self._is_found_again(found):
+            self._generation += 1
+            self._other.clear()
+            self._numberings.clear()
+            beat = (now_s - found.last_s) / found.period_s
+            if clock is not None:  # the next whole position is the next beat
+                beat += np.ceil(float(clock.beat_at(now_s)) - beat)
+            self.clock = self._numbered(
+                BeatClock.steady(now_s, beat, found.period_s, self._generation), found
+            )
+
+    def _is_found_again(self, found: _Found) -> bool:
+        """Whether the latest analyses agree with this one. The first beats of all are believed sooner."""
+        if self._other:
+            last = self._other[-1]
+            error = (found.last_s - last.last_s) / found.period_s
+            if abs(np.log(found.period_s / last.period_s)) > _SAME_TEMPO or abs(
+                error - round(error)
+            ) > _SAME_PHASE:
+                self._other.clear()
+        self._other.append(found)
+        return len(self._other) >= (2 if self.clock is None else _TIMES_OTHER)
+
+    def _numbered(self, clock: BeatClock, found: _Found) -> BeatClock:
+        """The clock with the metre and count 1 of most of the latest analyses."""
+        if found.metre:
+            index = round(float(clock.beat_at(clock.start_s)) - (clock.start_s - found.last_s) / found.period_s)
+            self._numberings.append((found.metre, (found.number - 1 - index) % found.metre))
+        if not self._numberings:
+            return clock
+        votes = list(self._numberings)
+        own = (clock.metre, clock.first_number)
+        best = max(set(votes), key=lambda one: (votes.count(one), one == own, one == votes[-1]))
+        return replace(clock, metre=best[0], first_number=best[1])
+
+    def _forget(self) -> None:
+        self.clock = None
+        self._other.clear()
+        self._numberings.clear()
+
+
+def _newest(counts: Counts) -> _Found:
+    """The curve through the newest beats, whose tempo may change evenly, and the tempo a few beats later."""
+    newest = counts.times_s[-_FITTED_BEATS:]
+    index = np.arange(len(newest)) - (len(newest) - 1.0)
+    curve = np.polyfit(index, newest, 2 if len(newest) >= _FITTED_BEATS // 2 else 1)
+    last_s, period_s = float(curve[-1]), float(curve[-2])
+    later_s = period_s + (2 * _LEAD_BEATS * float(curve[0]) if len(curve) == 3 else 0.0)
+    most = _MOST_CHANGE * period_s
+    period_s += min(max(later_s - period_s, -most), most)
+    return _Found(last_s, period_s, counts.metre, int(counts.numbers[-1]))
+
+
+# In a process of its own, so that the analysis does not delay the frames that are sent.
+
+
+_LISTENERS: list[OnlineBeats] = []
+
+
+def open_listener() -> None:
+    """Open a follower of beats in this process, for `hear_here`."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that sends
+    _LISTENERS.append(OnlineBeats())
+
+
+def hear_here(samples: NDArray[np.floating]) -> BeatClock | None:
+    """The clock after more samples, by the follower of this process."""
+    _LISTENERS[0].feed(samples)
+    return _LISTENERS[0].clock
