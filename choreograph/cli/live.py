@@ -40,10 +40,18 @@ _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
     ),
 )
 @click.argument("song", type=_FILE, required=False)
-@click.option("--input", "stream", type=click.Choice(["-", "mic"]), help="Follow standard input or a microphone.")
-@click.option("--pcm", metavar="FORMAT", help="Format of standard input, such as 44100:2:s16. Default: its WAV header.")
 @click.option(
-    "--latency", type=click.FloatRange(-1.0, 1.0), default=0.0, show_default=True, metavar="SECONDS",
+    "--input", "stream", type=click.Choice(["-", "mic"]), help="Follow standard input or a microphone."
+)
+@click.option(
+    "--pcm", metavar="FORMAT", help="Format of standard input, such as 44100:2:s16. Default: its WAV header."
+)
+@click.option(
+    "--latency",
+    type=click.FloatRange(-1.0, 1.0),
+    default=0.0,
+    show_default=True,
+    metavar="SECONDS",
     help="With --input, send frames so much earlier than the sound arrives here.",
 )
 @click.option("--dance", type=_FILE, metavar="MOTION", help="A motion to the song. Default: a new dance.")

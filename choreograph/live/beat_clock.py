@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 from choreograph.core.counts import FROM_MUSIC, NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 
-CORRECTION_BEATS = 2.0  # in which an error of the phase is corrected, by a tempo up to a quarter faster or slower
+CORRECTION_BEATS = (
+    2.0  # in which an error of the phase is corrected, by a tempo up to a quarter faster or slower
+)
 
 
 @dataclass(frozen=True)

@@ -154,9 +154,10 @@ class OnlineBeats:
         if self._other:
             last = self._other[-1]
             error = (found.last_s - last.last_s) / found.period_s
-            if abs(np.log(found.period_s / last.period_s)) > _SAME_TEMPO or abs(
-                error - round(error)
-            ) > _SAME_PHASE:
+            if (
+                abs(np.log(found.period_s / last.period_s)) > _SAME_TEMPO
+                or abs(error - round(error)) > _SAME_PHASE
+            ):
                 self._other.clear()
         self._other.append(found)
         return len(self._other) >= (2 if self.clock is None else _TIMES_OTHER)
@@ -164,7 +165,9 @@ class OnlineBeats:
     def _numbered(self, clock: BeatClock, found: _Found) -> BeatClock:
         """The clock with the metre and count 1 of most of the latest analyses."""
         if found.metre:
-            index = round(float(clock.beat_at(clock.start_s)) - (clock.start_s - found.last_s) / found.period_s)
+            index = round(
+                float(clock.beat_at(clock.start_s)) - (clock.start_s - found.last_s) / found.period_s
+            )
             self._numberings.append((found.metre, (found.number - 1 - index) % found.metre))
         if not self._numberings:
             return clock

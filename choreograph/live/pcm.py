@@ -160,4 +160,3 @@ def microphone() -> Iterator[Blocks]:
             arrived.put(None)
     except sounddevice.PortAudioError as error:
         raise ChoreographError(f"expected a microphone for --input mic, got: {error}") from None
-

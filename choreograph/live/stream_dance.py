@@ -250,7 +250,11 @@ class StreamDance:
         counts = clock.counts(from_s, to_s)
         if rests:
             inside = counts.times_s <= next_s - from_s
-            counts = Counts(counts.times_s[inside], counts.numbers[inside], counts.metre) if inside.any() else NO_COUNTS
+            counts = (
+                Counts(counts.times_s[inside], counts.numbers[inside], counts.metre)
+                if inside.any()
+                else NO_COUNTS
+            )
             samples = clicks(counts, to_s - from_s)
         request = PartRequest(
             samples, counts, self.body.motion(from_s, round((KEPT_S + _ON_S) * FPS)), next_s - from_s, self.genre,

@@ -62,7 +62,9 @@ class PartRequest:
     rests: bool = False  # the music has ended: the dance comes to rest after the last count
 
 
-def expected(recent: NDArray[np.float32], recent_s: float, from_s: float, to_s: float, bar_s: float) -> NDArray:
+def expected(
+    recent: NDArray[np.float32], recent_s: float, from_s: float, to_s: float, bar_s: float
+) -> NDArray:
     """Samples (S,) from one time of a stream to another.
 
     `recent` (R,) are the latest samples, from `recent_s` on. After them, the latest whole bars are repeated,
