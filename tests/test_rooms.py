@@ -79,7 +79,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "requests": ("formats.download",),
     "rich": ("cli",),
     "sklearn": ("library.motifs",),
-    "sounddevice": ("live.sound",),
+    "sounddevice": ("live.pcm", "live.sound"),
     "websockets": ("live.websocket",),
     "soundfile": ("music",),
     "soxr": ("music.song",),

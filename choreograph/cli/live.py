@@ -91,7 +91,7 @@ def command(
     A new dance can be changed while it runs. Type genre salsa, energy 0.7, pin take:NAME, pin motif:41 or
     seed 3, and it is danced from the next phrase on.
 
-    With --input, the beats are followed while the music plays, and the dance is planned about 2 s ahead of it.
+    With --input, beats are followed while the music plays, and the dance is planned 2 s ahead of it.
     """
     arguments = {"engine": engine or "graph", "genre": genre, "seed": seed}
     receiver = _receiver(host, port)
@@ -222,7 +222,7 @@ def _follow(
             None, fps, send, song_s=lambda: time.perf_counter() - began_s, ended=lambda: not reader.is_alive()
         )
     late = f", {counted(dance.n_late, 'part')} too late" if dance.n_late else ""
-    say(f"danced {counted(dance.n_parts, 'part')} to {dance.heard_s:.1f} s of music{late}")
+    say(f"danced {counted(dance.n_parts, 'part')} in {dance.heard_s:.1f} s{late}")
     _say_sent(sent)
 
 

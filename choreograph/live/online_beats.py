@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import NO_COUNTS, Counts
-from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ
 from choreograph.live.beat_clock import BeatClock
 from choreograph.music.bars import track_bars
@@ -99,7 +98,8 @@ class OnlineBeats:
     def _add_frames(self) -> None:
         """Compute the frames whose windows are complete, and drop what is older than the window."""
         half = MEL_WINDOW // 2
-        n_frames = int((self._first + len(self._samples) - half) * MUSIC_FPS / SAMPLE_RATE_HZ) + 1
+        n_complete = self._first + len(self._samples) - half  # samples before half a window
+        n_frames = int(np.floor(n_complete * MUSIC_FPS / SAMPLE_RATE_HZ)) + 1
         centres = np.rint(np.arange(self._n_frames, n_frames) * SAMPLE_RATE_HZ / MUSIC_FPS).astype(np.int64)
         if len(centres) == 0:
             return

@@ -98,8 +98,8 @@ def read_wav_header(stream: BinaryIO) -> PcmFormat:
     head = stream.read(12)
     if len(head) < 12 or head[:4] not in (b"RIFF", b"RF64") or head[8:] != b"WAVE":
         raise FormatError(
-            "standard input: expected the header of a WAV file, got other bytes: --pcm 44100:2:s16 states the "
-            "format of samples without one"
+            "standard input: expected the header of a WAV file, got other bytes: samples without one need "
+            "their format, such as --pcm 44100:2:s16"
         )
     found, n_read = None, 0
     while len(chunk := stream.read(8)) == 8:
@@ -127,8 +127,8 @@ def _wav_format(content: bytes) -> PcmFormat:
     found = PcmFormat(rate_hz, channels, names.get((kind, bits), ""))
     if not found.encoding or not found.is_usual:
         raise FormatError(
-            f"standard input: expected PCM of 8 to 32 bits at {_RATES_HZ[0]} to {_RATES_HZ[1]} Hz, got format "
-            f"{kind}, {bits} bits, {channels} channels at {rate_hz} Hz"
+            f"standard input: expected PCM of 8 to 32 bits at {_RATES_HZ[0]} to {_RATES_HZ[1]} Hz, got "
+            f"format {kind}, {bits} bits, {channels} channels at {rate_hz} Hz"
         )
     return found
 
@@ -143,8 +143,8 @@ def microphone() -> Iterator[Blocks]:
         import sounddevice
     except (ImportError, OSError) as error:  # an OSError if PortAudio is missing
         raise ChoreographError(
-            "expected the extra `live` for a microphone, it is not installed: pip install 'choreograph[live]' "
-            f"({' '.join(str(error).split())[:80]})"
+            "expected the extra `live` for a microphone, it is not installed: pip install "
+            f"'choreograph[live]' ({' '.join(str(error).split())[:80]})"
         ) from error
     arrived: SimpleQueue[NDArray[np.float32] | None] = SimpleQueue()
 
@@ -156,7 +156,12 @@ def microphone() -> Iterator[Blocks]:
         with sounddevice.InputStream(
             rate_hz, blocksize=round(rate_hz * BLOCK_S), channels=1, dtype="float32", callback=take
         ):
-            yield resampled(map(_finite, iter(arrived.get, None)), rate_hz)
+            yield resampled(_recorded(arrived), rate_hz)
             arrived.put(None)
     except sounddevice.PortAudioError as error:
         raise ChoreographError(f"expected a microphone for --input mic, got: {error}") from None
+
+
+def _recorded(arrived: SimpleQueue[NDArray[np.float32] | None]) -> Blocks:
+    while (block := arrived.get()) is not None:
+        yield _finite(block)

@@ -27,7 +27,8 @@ def send_frames(
 ) -> Sent:
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
-    `send` is called with the frame and the time in the song. Without a number of frames, they end when `ended`.
+    `send` is called with the frame and the time in the song. Without a number of
+    frames, they go on until `ended`.
     `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
     so that errors do not add up.
     """

@@ -1,4 +1,4 @@
-"""A dance to music that is still playing: what is heard, the parts that are planned, and the body that is sent."""
+"""A dance to music that is still playing: what is heard, the parts planned, and the body that is sent."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain, repeat
 from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
@@ -14,12 +15,12 @@ from queue import SimpleQueue
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.errors import ChoreographError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.live.beat_clock import BeatClock
 from choreograph.live.online_beats import HOP_S, WINDOW_S, hear_here, open_listener
+from choreograph.live.pcm import BLOCK_S
 from choreograph.live.requests import Request
 from choreograph.live.stream_parts import (
     FPS,
@@ -40,7 +41,11 @@ _PART_S = 4.0  # of a part, about, in whole bars
 _TAIL_S = 2.5  # planned beyond a part, danced only if the next part is late or its count 1 moves
 _BAR_BEATS = 4  # of music without bars
 _ON_S = 1.0  # by which the dance so far goes on, into the join with a part
-_TO_REST_S, _REST_S = 2.0, 6.0  # until the last count of a dance that ends, and of the rest after it
+_TO_REST_S, _REST_S = (
+    2.0,
+    4.0,
+)  # at least, until the last count of a dance that ends, and of the rest after it
+_ENDING_S = 8.0  # after the music: until no beats are known, until the dance rests, and some of the rest
 _STAND_S = 6.0
 _STILL_S = 3.0  # at the end of a part, which go back and forth when nothing else is planned
 _DRIFT = 5e-4  # of the clocks of two machines
@@ -238,7 +243,8 @@ class StreamDance:
         """Come to rest on a count soon."""
         clock = self.body.part.clock
         assert clock is not None  # of a part that does not rest
-        self._request(clock, soonest_s, soonest_s + _TO_REST_S, soonest_s + _REST_S, 0.0, rests=True)
+        last_s = float(clock.time_at(np.ceil(clock.beat_at(soonest_s + _TO_REST_S))))
+        self._request(clock, soonest_s, last_s, last_s + _REST_S, 0.0, rests=True)
 
     def _request(
         self, clock: BeatClock, first_s: float, next_s: float, to_s: float, next_beat: float, *, rests: bool
@@ -249,17 +255,10 @@ class StreamDance:
         samples = expected(self._recent, recent_s, from_s, to_s, bar_s)
         counts = clock.counts(from_s, to_s)
         if rests:
-            inside = counts.times_s <= next_s - from_s
-            counts = (
-                Counts(counts.times_s[inside], counts.numbers[inside], counts.metre)
-                if inside.any()
-                else NO_COUNTS
-            )
             samples = clicks(counts, to_s - from_s)
-        request = PartRequest(
-            samples, counts, self.body.motion(from_s, round((KEPT_S + _ON_S) * FPS)), next_s - from_s, self.genre,
-            self.seed + self.n_parts, rests,
-        )  # fmt: skip
+        kept = self.body.motion(from_s, round((KEPT_S + _ON_S) * FPS))
+        seed = self.seed + self.n_parts
+        request = PartRequest(samples, counts, kept, next_s - from_s, self.genre, seed, rests)
         part = Part(self.body.part.motion, self.body.part.body, from_s, clock, next_beat, rests)
         self._planned = (self.plan(request), part, first_s)
 
@@ -277,14 +276,20 @@ def stream_dance(
         listener.submit(len, ())
         motion = planner.submit(plan_here, standing(_STAND_S)).result().sliced(0, round(_STAND_S * FPS) - FPS)
         first = Part(motion, VmcBody.of(motion), 0.0, None, rests=True)
-        yield StreamDance(
-            lambda block: listener.submit(hear_here, block), lambda request: planner.submit(plan_here, request),
-            StreamBody(first), note, genre, seed,
-        )  # fmt: skip
+        body = StreamBody(first)
+
+        def listen(block: NDArray[np.float32]) -> Future[BeatClock | None]:
+            return listener.submit(hear_here, block)
+
+        def plan(request: PartRequest) -> Future[Motion]:
+            return planner.submit(plan_here, request)
+
+        yield StreamDance(listen, plan, body, note, genre, seed)
 
 
 def hear_all(dance: StreamDance, blocks: Iterable[NDArray[np.float32]], stream_s: StreamTime) -> None:
-    """Hear a stream until it ends, in its own time."""
-    for block in blocks:
+    """Hear a stream until it ends, in its own time, and then silence in which the dance comes to rest."""
+    silence = np.zeros(round(BLOCK_S * SAMPLE_RATE_HZ), np.float32)
+    for block in chain(blocks, repeat(silence, round(_ENDING_S / BLOCK_S))):
         stream_s.arrived(dance.heard_s + len(block) / SAMPLE_RATE_HZ)
         dance.hear(block)

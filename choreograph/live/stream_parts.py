@@ -36,6 +36,7 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import dance_with
 from choreograph.render.filled_gaps import of_length
+from choreograph.render.held_poses import hold_ends
 
 KEPT_S = 4.0  # of the dance so far, before a part. Whole seconds, on which the engine compares poses
 FPS = STORE_FPS  # of the motion of parts
@@ -59,12 +60,12 @@ class PartRequest:
     until_s: float  # when the next part is expected to begin
     genre: str | None
     seed: int
-    rests: bool = False  # the music has ended: the dance comes to rest after the last count
+    rests: bool = False  # the music has ended: a pose is held from `until_s` on
 
 
 def expected(
     recent: NDArray[np.float32], recent_s: float, from_s: float, to_s: float, bar_s: float
-) -> NDArray:
+) -> NDArray[np.float32]:
     """Samples (S,) from one time of a stream to another.
 
     `recent` (R,) are the latest samples, from `recent_s` on. After them, the latest whole bars are repeated,
@@ -77,8 +78,9 @@ def expected(
     if period and heard_s < to_s:
         beyond = index >= len(recent)
         index[beyond] = len(recent) - period + (index[beyond] - len(recent)) % period
-    known = (index >= 0) & (index < len(recent))
-    return np.where(known, recent[np.clip(index, 0, max(len(recent) - 1, 0))], 0.0).astype(np.float32)
+    samples, known = np.zeros(len(index), np.float32), (index >= 0) & (index < len(recent))
+    samples[known] = recent[index[known]]
+    return samples
 
 
 class NotAgain(Cost):
@@ -122,7 +124,7 @@ class PartPlanner:
                 existing=before if request.kept is not None else None,
                 keep=[Keep(0.0, KEPT_S)] if request.kept is not None else (),
                 costs=[NotAgain(self._danced)], weights={NotAgain.name: _AVOID}, cache=False, fps=FPS,
-                hold_ends=request.rests or request.kept is None,
+                hold_ends=request.kept is None,
             )  # fmt: skip
         if request.kept is not None:
             danced = [
@@ -132,7 +134,8 @@ class PartPlanner:
             ]
             self._danced.append(danced)
         first, until = (seconds_to_frames(time_s, FPS) for time_s in (KEPT_S, request.until_s))
-        return made.motion if request.kept is None else to_middle(made.motion, first, until)
+        motion = made.motion if request.kept is None else to_middle(made.motion, first, until)
+        return hold_ends(motion, 0.0, request.until_s) if request.rests else motion
 
     def _genre(self, song: Song, beats: Path) -> str | None:
         """The genre that the music has suited best so far, since a few seconds of it are little evidence."""

@@ -111,3 +111,20 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     assert_one_line(run("live", song, *dance, "--host", "no.such.invalid"), says="'no.such.invalid'")
     assert_one_line(run("live", song, *dance, "--host", f"{'a' * 70}.b"), says="not a name of a machine")
     assert_one_line(run("live", tmp_path / "none.mp3", *dance), says="none.mp3")
+    assert_one_line(run("live"), says="expected a SONG, or --input")
+    assert_one_line(run("live", song, "--pcm", "44100:2:s16"), says="expected a SONG, or --input")
+    assert_one_line(run("live", song, "--input", "-"), says="expected --input without SONG")
+    assert_one_line(run("live", "--input", "-", "--pcm", "mp3"), says="RATE:CHANNELS:ENCODING")
+
+
+def test_frames_go_on_until_they_are_ended():
+    now_s, sent = [0.0], []
+
+    def sleep(seconds):
+        now_s[0] += seconds
+
+    made = send_frames(
+        None, 10.0, lambda frame, time_s: sent.append(frame), song_s=lambda: now_s[0], sleep=sleep,
+        ended=lambda: len(sent) == 25,
+    )  # fmt: skip
+    assert sent == list(range(25)) and made.n_frames == 25 and made.n_skipped == 0

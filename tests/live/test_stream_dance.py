@@ -1,0 +1,229 @@
+"""A dance to music that is still playing: when parts are planned and exchanged, and the time of a stream."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+from concurrent.futures import Future
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import soundfile
+from synthetic_motions import swaying
+
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.live.beat_clock import BeatClock
+from choreograph.live.osc import messages_of
+from choreograph.live.requests import Request
+from choreograph.live.stream_dance import AHEAD_S, Part, StreamBody, StreamDance, StreamTime, hear_all
+from choreograph.live.stream_parts import FPS, KEPT_S
+from choreograph.live.vmc import VmcBody
+from choreograph.music.synthesis.song import render_song
+from choreograph.music.synthesis.sounds import RATE_HZ
+
+CLOCK = replace(BeatClock.steady(0.0, 0.0, 0.5, 1), metre=4)  # count 1 every 2 s
+BLOCK = np.zeros(SAMPLE_RATE_HZ // 10, np.float32)
+
+
+def part(motion, from_s=0.0, clock=None, **more):
+    return Part(motion, VmcBody.of(motion), from_s, clock, **more)
+
+
+def of_frames(n_frames, seed=0):
+    return swaying(n_frames, fps=FPS, seed=seed)
+
+
+class Stage:
+    """A dance whose music is known, and whose parts take some time to plan."""
+
+    def __init__(self, clock, takes_s=0.5):
+        self.clock, self.takes_s, self.asked, self.notes = clock, takes_s, [], []
+        first = part(of_frames(300), rests=True)
+        self.dance = StreamDance(self.listen, self.plan, StreamBody(first), self.notes.append)
+        self.waiting = []
+
+    def listen(self, block):
+        found = Future()
+        found.set_result(self.clock)
+        return found
+
+    def plan(self, request):
+        future = Future()
+        self.asked.append((self.dance.heard_s, request))
+        self.waiting.append((self.dance.heard_s + self.takes_s, future, request))
+        return future
+
+    def run(self, until_s):
+        while self.dance.heard_s < until_s - 1e-6:
+            for ready_s, future, request in self.waiting:
+                if self.dance.heard_s >= ready_s and not future.done():
+                    n_frames = round(len(request.samples) / SAMPLE_RATE_HZ * FPS)
+                    future.set_result(of_frames(n_frames, seed=len(self.asked)))
+            self.dance.hear(BLOCK)
+
+
+def test_nothing_is_planned_before_there_are_beats():
+    stage = Stage(None)
+    stage.run(5.0)
+    assert not stage.asked and stage.dance.body.part.rests
+
+
+def test_parts_are_planned_ahead_of_their_count_1_and_of_whole_bars():
+    stage = Stage(CLOCK)
+    stage.run(20.0)
+    firsts_s = [heard_s for heard_s, _ in stage.asked]
+    assert stage.dance.n_parts >= 4 and stage.dance.n_late == 0
+    for _, request in stage.asked:
+        assert request.counts.numbers[np.isclose(request.counts.times_s, KEPT_S)].tolist() == [1]
+        assert request.until_s == pytest.approx(KEPT_S + 4.0)  # two bars
+        assert request.kept.n_frames >= KEPT_S * FPS
+    np.testing.assert_allclose(np.diff(firsts_s[1:]), 4.0, atol=0.11)
+    assert firsts_s[0] < 1.0 and stage.notes[0].endswith("120 beats a minute, 4 in a bar")
+
+
+def test_a_part_that_comes_too_late_is_left_out_and_another_one_is_planned():
+    stage = Stage(CLOCK, takes_s=AHEAD_S + 3.0)
+    stage.run(12.0)
+    assert stage.dance.n_parts == 0 and stage.dance.n_late >= 1 and stage.dance.body.part.rests
+
+
+def test_other_beats_are_danced_by_a_new_part():
+    stage = Stage(CLOCK)
+    stage.run(9.0)
+    n_asked = len(stage.asked)
+    stage.clock = replace(BeatClock.steady(9.0, 30.0, 0.4, 2), metre=4)
+    stage.run(10.0)
+    assert len(stage.asked) > n_asked
+    stage.run(13.0)
+    assert stage.dance.body.part.clock.generation == 2
+    np.testing.assert_allclose(np.diff(stage.asked[-1][1].counts.times_s), 0.4)
+
+
+def test_in_silence_the_dance_comes_to_rest_once():
+    stage = Stage(CLOCK)
+    stage.run(9.0)
+    stage.clock = None
+    stage.run(25.0)
+    assert [request.rests for _, request in stage.asked][-1] and stage.dance.body.part.rests
+    assert sum(request.rests for _, request in stage.asked) == 1
+    assert any(note.endswith("no beats") for note in stage.notes)
+
+
+def test_requests_are_those_of_the_next_part():
+    stage = Stage(CLOCK)
+    for request in (Request("genre", "salsa"), Request("seed", 7), Request("energy", 0.7)):
+        stage.dance.requests.put(request)
+    stage.run(3.0)
+    assert stage.asked[0][1].genre == "salsa" and stage.asked[0][1].seed == 7
+    assert any("energy" in note and "expected genre or seed" in note for note in stage.notes)
+
+
+def test_what_cannot_be_planned_is_noted_and_the_dance_goes_on():
+    stage = Stage(CLOCK)
+    stage.dance.genre = "polka"
+    stage.run(1.0)
+    stage.waiting[0][1].set_exception(ParameterError("expected a genre, got 'polka'"))
+    stage.run(9.0)
+    assert stage.dance.genre is None and stage.dance.n_parts >= 1
+    assert any("expected a genre" in note for note in stage.notes)
+
+
+def test_the_body_follows_a_corrected_clock():
+    motion = of_frames(600)
+    body = StreamBody(part(motion, from_s=2.0, clock=CLOCK))
+    assert body.frames_at(np.array([5.0]))[1][0] == pytest.approx(3.0 * FPS)
+    body.follow(CLOCK.followed(4.0, 0.2, 0.5))  # 0.2 beats are 0.1 s
+    assert body.frames_at(np.array([6.0]))[1][0] == pytest.approx(4.1 * FPS)
+    body.follow(replace(CLOCK, generation=9, period_s=0.1))  # of another part
+    assert body.frames_at(np.array([6.0]))[1][0] == pytest.approx(4.1 * FPS)
+
+
+def test_after_its_end_a_part_goes_back_and_forth_without_a_jump():
+    body = StreamBody(part(of_frames(300), from_s=1.0))
+    _, frames = body.frames_at(np.arange(0.0, 60.0, 1 / FPS))
+    assert frames.min() >= 0 and frames.max() <= 299 and np.abs(np.diff(frames)).max() < 1.001
+    late = frames[round(7 * FPS) :]
+    assert late.max() > 298 and late.min() == pytest.approx(299 - 180, abs=1.0)
+
+
+def test_one_frame_of_a_body_is_between_two():
+    motion = of_frames(10)
+    body = VmcBody.of(motion)
+    np.testing.assert_allclose(body.between(3.0).bone_quat[0], body.bone_quat[3])
+    half = body.between(3.5)
+    np.testing.assert_allclose(half.bone_pos_m[0], body.bone_pos_m[3:5].mean(axis=0))
+    np.testing.assert_allclose(np.linalg.norm(half.bone_quat, axis=-1), 1.0)
+    assert len(body.between(9.0)) == 1
+
+
+def test_the_time_of_a_stream_waits_for_a_file_and_follows_a_late_source():
+    now_s = [100.0]
+
+    def sleep(seconds):
+        now_s[0] += seconds
+
+    stream_s = StreamTime(lambda: now_s[0])
+    for index in range(1, 11):  # a file that is there at once
+        stream_s.arrived(0.1 * index, sleep)
+        assert stream_s() == pytest.approx(0.1 * index, abs=1e-9)
+    assert now_s[0] == pytest.approx(100.9, abs=0.01)
+    now_s[0] += 3.1  # a gap
+    stream_s.arrived(1.1, sleep)
+    assert stream_s() == pytest.approx(1.1, abs=1e-3)
+
+
+def test_after_the_music_silence_is_heard():
+    stage = Stage(CLOCK)
+
+    class Now:
+        def arrived(self, end_s):
+            stage.clock = CLOCK if end_s < 3.0 else None
+
+    hear_all(stage.dance, [BLOCK] * 30, Now())
+    assert stage.dance.heard_s == pytest.approx(11.0)
+
+
+@pytest.mark.slow
+def test_a_song_on_standard_input_is_danced(tmp_path):
+    """Ten seconds in their own time: the body is sent, moves after the first beats are known, and rests."""
+    made = render_song("house", bpm=124.0, duration_s=10.0, seed=5)
+    soundfile.write(tmp_path / "song.wav", made.samples, RATE_HZ)
+    packets = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        own.bind(("127.0.0.1", 0))
+        own.settimeout(3.0)
+        command = [
+            sys.executable,
+            "-m",
+            "choreograph",
+            "live",
+            "--input",
+            "-",
+            "--port",
+            own.getsockname()[1],
+        ]
+        with (
+            (tmp_path / "song.wav").open("rb") as song,
+            subprocess.Popen(map(str, command), stdin=song, stderr=subprocess.PIPE, text=True) as run,
+        ):
+            while run.poll() is None or len(packets) == 0:
+                with suppress(TimeoutError):
+                    packets.append(own.recv(65535))
+            said = run.stderr.read()
+    assert run.returncode == 0, said
+    assert "beats a minute, 4 in a bar" in said and "part" in said
+    hips_m = np.array(
+        [
+            message.arguments[1:4]
+            for packet in packets
+            for message in messages_of(packet)
+            if message.address == "/VMC/Ext/Bone/Pos" and message.arguments[0] == "Hips"
+        ]
+    )
+    assert len(hips_m) > 10 * 60
+    speed_m_s = np.linalg.norm(np.diff(hips_m, axis=0), axis=1) * 60
+    assert np.median(speed_m_s[:180]) < 0.05 and speed_m_s[400:].max() > 0.2
