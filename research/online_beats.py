@@ -61,7 +61,7 @@ def follow(samples: NDArray[np.float32]) -> Followed:
         n_generations = clock.generation
         for ahead_s, beats in said.items():
             first, last = clock.beat_at([now_s + ahead_s, now_s + ahead_s + BLOCK_S])
-            # A correction may move a beat over the border of two blocks, so the block before is looked at.
+            # A correction may move a beat over the border of two blocks, so the block before counts, too.
             for beat in range(int(np.ceil(first - 0.3)), int(np.ceil(last))):
                 known = float(max(clock.time_at(beat), now_s + ahead_s)), int(clock.number_of(beat))
                 beats.setdefault((clock.generation, beat), known)

@@ -1,4 +1,4 @@
-"""A dance to music that is still playing: what is heard, the parts planned, and the body that is sent."""
+"""A dance to music that is still playing: the sound, the parts of the dance, and the body that is sent."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class StreamTime:
 
 @dataclass(eq=False)
 class StreamDance:
-    """Hears blocks of samples, and plans the dance ahead of them.
+    """Takes blocks of samples, and plans the dance ahead of them.
 
     `listen` starts the analysis of a block, and `plan` that of a part. Both return a future.
     """
@@ -288,7 +288,7 @@ def stream_dance(
 
 
 def hear_all(dance: StreamDance, blocks: Iterable[NDArray[np.float32]], stream_s: StreamTime) -> None:
-    """Hear a stream until it ends, in its own time, and then silence in which the dance comes to rest."""
+    """Take a stream until it ends, in its own time, and then silence in which the dance comes to rest."""
     silence = np.zeros(round(BLOCK_S * SAMPLE_RATE_HZ), np.float32)
     for block in chain(blocks, repeat(silence, round(_ENDING_S / BLOCK_S))):
         stream_s.arrived(dance.heard_s + len(block) / SAMPLE_RATE_HZ)

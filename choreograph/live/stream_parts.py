@@ -2,7 +2,7 @@
 
 A part is planned as a gap of a dance to a short song: the last seconds of the dance so far are kept, and the
 graph engine fills the bars after them from the repertoire, by its own costs and by those of the join. The
-song is the music that was heard, continued by a repetition of its latest bars, with the beats that are
+song is the music so far, continued by a repetition of its latest bars, with the beats that are
 predicted.
 """
 
@@ -54,7 +54,7 @@ _AVOID = 2.0  # weight, of the other costs of a second
 class PartRequest:
     """What a part is planned from. Times are in seconds from the start of its kept motion."""
 
-    samples: NDArray[np.float32]  # (S,) mono at 22.05 kHz, heard and then expected
+    samples: NDArray[np.float32]  # (S,) mono at 22.05 kHz, known and then expected
     counts: Counts  # expected
     kept: Motion | None  # of the first `KEPT_S` and on, or None to stand until the first count
     until_s: float  # when the next part is expected to begin

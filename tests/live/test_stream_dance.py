@@ -208,12 +208,14 @@ def test_a_song_on_standard_input_is_danced(tmp_path):
         ]
         with (
             (tmp_path / "song.wav").open("rb") as song,
-            subprocess.Popen(map(str, command), stdin=song, stderr=subprocess.PIPE, text=True) as run,
+            subprocess.Popen(
+                map(str, command), stdin=song, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            ) as run,
         ):
             while run.poll() is None or len(packets) == 0:
                 with suppress(TimeoutError):
                     packets.append(own.recv(65535))
-            said = run.stderr.read()
+            said = run.stdout.read()
     assert run.returncode == 0, said
     assert "beats a minute, 4 in a bar" in said and "part" in said
     hips_m = np.array(
@@ -226,4 +228,4 @@ def test_a_song_on_standard_input_is_danced(tmp_path):
     )
     assert len(hips_m) > 10 * 60
     speed_m_s = np.linalg.norm(np.diff(hips_m, axis=0), axis=1) * 60
-    assert np.median(speed_m_s[:180]) < 0.05 and speed_m_s[400:].max() > 0.2
+    assert np.median(speed_m_s[:180]) < 0.2 and speed_m_s[400:].max() > 0.4  # it stands, then dances
