@@ -28,8 +28,8 @@ from choreograph.core.numerics import Memory
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, STORE_FPS, seconds_to_frames
 from choreograph.formats.register import save_motion
 from choreograph.library.builtin import as_repertoire
-from choreograph.library.motifs import ALL_GENRES
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.live.changing import with_feet_locked
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
