@@ -59,23 +59,40 @@ class GltfCharacter:
 
         Raises `ParameterError` if the bones of the body are not all below the pelvis.
         """
-        check_kind("a motion", motion, Motion)
-        try:
-            performance = perform(motion, self.rig, self.bones, self.skin)
-        except ParameterError as error:
-            raise ParameterError(f"{self.document.name}: {error}") from None
-        return self.with_animation(performance, name)
+        return self.dancing_clips({name: motion})
+
+    def dancing_clips(self, motions: Mapping[str, Motion]) -> GltfDocument:
+        """The document with motions of the character, by their names, as its only animations.
+
+        Raises `ParameterError` as `dancing`.
+        """
+        document = self._without_animations()
+        for name, motion in motions.items():
+            check_kind("a motion", motion, Motion)
+            try:
+                performance = perform(motion, self.rig, self.bones, self.skin)
+            except ParameterError as error:
+                raise ParameterError(f"{self.document.name}: {error}") from None
+            self._animate(document, performance, name)
+        return document
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
         """The document with a performance as its only animation, called `name`."""
-        check_kind("a performance", performance, Performance)
-        check_text("the name of an animation", name)
+        document = self._without_animations()
+        self._animate(document, performance, name)
+        return document
+
+    def _without_animations(self) -> GltfDocument:
         document = self.document.copy()
         document.json["animations"] = []
+        return document
+
+    def _animate(self, document: GltfDocument, performance: Performance, name: str) -> None:
+        check_kind("a performance", performance, Performance)
+        check_text("the name of an animation", name)
         tracks = [(self.nodes[b], "rotation", quat) for b, quat in performance.local_quat.items()]
         tracks += [(self.nodes[b], "translation", pos) for b, pos in performance.translation.items()]
         document.add_animation(name, frame_times_s(performance.n_frames, performance.fps), tracks)
-        return document
 
 
 @default_numerics()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,13 +22,23 @@ from choreograph.core.files import check_target
 if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
     from choreograph.formats.bvh import BvhOptions, Naming, RestPose
+    from choreograph.formats.targets import TargetName
     from choreograph.motion.motion import Motion
 
 AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 _FILE = click.Path(path_type=Path)
 NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "humanoid", "rigify")
+TARGET_NAMES: tuple[TargetName, ...] = ("unreal", "unity", "vrchat", "blender", "mmd", "godot")
 RESTS: tuple[RestPose, ...] = ("t", "a")
 UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, with their number per metre
+
+
+def for_program(command: AnyCommand) -> AnyCommand:
+    """Add the option of the program that a file is for. The function gets it as `target`."""
+    shown = f"Program that a .glb or .vmd is for: {', '.join(TARGET_NAMES)}."
+    return click.option("--for", "target", type=click.Choice(TARGET_NAMES), metavar="PROGRAM", help=shown)(
+        command
+    )
 
 
 def bvh_options(command: AnyCommand) -> AnyCommand:
@@ -58,18 +68,21 @@ def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_p
         "choreograph convert take.bvh take.glb     a body that moves, for Blender, Unreal, Godot, the web",
         "choreograph convert recording.c3d take.bvh",
         "choreograph convert take.bvh ue.bvh --names ue --fps 30",
+        "choreograph convert walk.bvh salsa.glb clips.glb --for godot     an animation of each, in one .glb",
     ),
 )
-@click.argument("motion", type=_FILE)
+@click.argument("motions", nargs=-1, required=True, type=_FILE, metavar="MOTION...")
 @click.argument("output", type=_FILE)
 @click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
 @click.option("--map", "map_path", type=_FILE, help="Map of the bones of MOTION (.json).")
+@for_program
 @bvh_options
 def convert(
-    motion: Path,
+    motions: tuple[Path, ...],
     output: Path,
     fps: float | None,
     map_path: Path | None,
+    target: TargetName | None,
     naming: Naming | None,
     units: str | None,
     rest: RestPose | None,
@@ -77,25 +90,53 @@ def convert(
 ) -> None:
     """Write MOTION, a file of any format that build-db reads, to OUTPUT.
 
-    The suffix selects the format: .bvh, .npz, .glb, .vrma, .vmd, .usda, .usdc or .fbx.
+    The suffix selects the format: .bvh, .npz, .glb, .vrma, .vmd, .usda, .usdc or .fbx. Several are animations
+    of one body in a .glb, each with the name of its file.
     """
     from choreograph.formats import writers
     from choreograph.formats.bvh import BvhWriter
+    from choreograph.formats.glb import clips_document
     from choreograph.formats.register import save_motion
+    from choreograph.formats.targets import TARGETS, check_target_format, named_clips
     from choreograph.motion.bone_map import read_bone_map
-    from choreograph.pipeline.saving import check_outputs
+    from choreograph.pipeline.saving import check_outputs, save_document
 
     if output.suffix.lower().removeprefix(".") not in writers():
         raise unexpected(f"a file of {', '.join(f'.{name}' for name in writers())}", str(output))
     check_outputs([output])
     check_outputs_apart([output], named_by=("output",))
     check_output_options([output])
+    _check_several(motions, output)
+    if target is not None:
+        check_target_format(target, output)
     bvh = bvh_of(naming, units, rest, in_place)
-    moving = motion_of(motion, read_bone_map(map_path) if map_path else None)
+    bone_map = read_bone_map(map_path) if map_path else None
+    moving = {path: motion_of(path, bone_map) for path in motions}
     if fps is not None:
-        moving = moving.resampled(fps)
-    save_motion(output, moving, writer=BvhWriter(bvh) if output.suffix.lower() == ".bvh" else None)
-    say(f"{output}: {moving.duration_s:.1f} s, {moving.skeleton.n_joints} joints")
+        moving = {path: motion.resampled(fps) for path, motion in moving.items()}
+    first = moving[motions[0]]
+    if output.suffix.lower() == ".glb" and (len(motions) > 1 or target is not None):
+        program = TARGETS[target] if target is not None else None
+        clips = named_clips([(path.stem, motion) for path, motion in moving.items()], program)
+        save_document(output, clips_document(clips, program))
+        say(f"{output}: {_said_of(clips)}, {first.skeleton.n_joints} joints")
+        return
+    save_motion(output, first, writer=BvhWriter(bvh) if output.suffix.lower() == ".bvh" else None)
+    say(f"{output}: {first.duration_s:.1f} s, {first.skeleton.n_joints} joints")
+
+
+def _check_several(motions: Sequence[Path], output: Path) -> None:
+    """Raise `ParameterError` for several motions of a file that holds one, or one that is named twice."""
+    if len(motions) > 1 and output.suffix.lower() != ".glb":
+        raise unexpected(f"a .glb for {len(motions)} motions", str(output))
+    for path in motions:
+        if motions.count(path) > 1:
+            raise unexpected("each motion once", f"{path} again")
+
+
+def _said_of(clips: Mapping[str, Motion]) -> str:
+    """What was written: the names of clips, with their lengths."""
+    return ", ".join(f"{name} {motion.duration_s:.1f} s" for name, motion in clips.items())
 
 
 @click.command(
@@ -105,31 +146,55 @@ def convert(
         "choreograph retarget dance.bvh hero.glb -o out.glb",
         "choreograph retarget dance.bvh hero.glb -o out.glb --save-map map.json   which bones were found",
         "choreograph retarget dance.bvh hero.glb -o out.glb --map map.json        uses the edited map",
+        "choreograph retarget walk.bvh salsa.bvh hero.glb -o out.glb              an animation of each",
     ),
 )
-@click.argument("motion", type=_FILE)
+@click.argument("motions", nargs=-1, required=True, type=_FILE, metavar="MOTION...")
 @click.argument("character", type=_FILE)
 @click.option(
     "-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb or .fbx)."
 )
 @click.option("--map", "map_path", type=_FILE, help="Map of the bones, as written by --save-map (.json).")
 @click.option("--save-map", type=_FILE, help="Write the map of bones that were found (.json), to be edited.")
+@for_program
 def retarget(
-    motion: Path, character: Path, output: Path, map_path: Path | None, save_map: Path | None
+    motions: tuple[Path, ...],
+    character: Path,
+    output: Path,
+    map_path: Path | None,
+    save_map: Path | None,
+    target: TargetName | None,
 ) -> None:
-    """Retarget MOTION, a file of any format that build-db reads, to CHARACTER (.glb, .gltf, .vrm or .fbx)."""
+    """Retarget MOTION, a file of any format that build-db reads, to CHARACTER (.glb, .gltf, .vrm or .fbx).
+
+    Several are animations of the character in a .glb, each with the name of its file.
+    """
+    from choreograph.formats.targets import TARGETS, check_target_format, named_clips, placed
     from choreograph.pipeline.saving import check_outputs, save_on_character
 
     if output.suffix.lower() not in (".glb", ".fbx"):
         raise unexpected("a .glb or .fbx for the animated character", str(output))
+    _check_several(motions, output)
     check_outputs([output])
     check_map_target(save_map)
     check_outputs_apart([output, save_map], named_by=("output", "save_map"))
+    if target is not None:
+        check_target_format(target, output)
     figure = character_of(character, map_path)
-    moving = motion_of(motion)
+    moving = [(path.stem, motion_of(path)) for path in motions]
     write_map(save_map, figure)
-    save_on_character(output, moving, figure)
-    say(f"{output}: {moving.duration_s:.1f} s, {len(figure.bones)} bones of {figure.rig.n_bones} known")
+    known = f"{len(figure.bones)} bones of {figure.rig.n_bones} known"
+    if len(moving) > 1 or target is not None:
+        program = TARGETS[target] if target is not None else None
+        clips = named_clips(moving, program)
+        if program is not None:
+            clips = {name: placed(motion, program) for name, motion in clips.items()}
+        save_on_character(output, clips, figure)
+        say(f"{output}: {_said_of(clips)}, {known}")
+        return
+    [(_, first)] = moving
+    save_on_character(output, first, figure)
+    say(f"{output}: {first.duration_s:.1f} s, {known}")
 
 
 def character_of(path: Path, map_path: Path | None) -> GltfCharacter:

@@ -32,12 +32,14 @@ _SOURCES = {
         "choreograph count walk.glb                    tempo, count 1 and loop points of an animation",
         "choreograph count song.mp3 -o song.txt        and its counts as labels for a sound editor",
         "choreograph count dance.bvh -o dance.counts.csv --json",
+        "choreograph count walk.glb -o walk-counted.glb        with its counts in the animation",
     ),
 )
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
-    help="Write the counts: a table (.csv), JSON (.json), or labels of Audacity (.txt).",
+    help="Write the counts: a table (.csv), JSON (.json), labels of Audacity (.txt), or the animation with "
+    "its counts (.glb, .usda, .usdc).",
 )  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print all facts as JSON.")
 @click.option(

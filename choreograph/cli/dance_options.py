@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 from click_option_group import GroupedOption, optgroup
 
+from choreograph.cli.characters import TARGET_NAMES
 from choreograph.cli.present import Command, Seconds, given_options, given_settings
 from choreograph.cli.times import SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
@@ -31,7 +32,6 @@ Options = TypeVar("Options")
 PUBLISHED = "published"  # instead of a file, for the settings of the paper of the engine
 _FILE = click.Path(path_type=Path)
 CAMERA_MODES: tuple[CameraMode, ...] = ("front", "follow", "cuts")
-TARGET_NAMES: tuple[TargetName, ...] = ("unreal", "unity", "vrchat", "blender", "mmd", "godot")
 # Options that this command had, and that `convert` has.
 _OF_CONVERT = ("--names", "--units", "--rest", "--in-place")
 

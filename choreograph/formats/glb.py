@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.arguments import unexpected
 from choreograph.core.timebase import frame_times_s
 from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import INDICES, VERTICES, GltfDocument
@@ -54,11 +56,45 @@ def dance_document(motion: Motion, *, root: str = "", clip: str = ANIMATION_NAME
     With the name of a `root`, the path of the hips on the floor is that of a bone above them. It is at the
     origin in the rest pose.
     """
+    return _document(motion, {clip: motion}, root)
+
+
+def clips_document(clips: Mapping[str, Motion], target: Target | None = None) -> GltfDocument:
+    """The document of one mannequin with an animation for each motion, by its name, all from 0 s.
+
+    Motions on another skeleton than the first are retargeted to it. The bones are as the program expects, if
+    one is given. Raises `ParameterError` if the names of joints are unknown, or there is no motion.
+    """
+    if not clips:
+        raise unexpected("a motion or several", clips)
+    skeleton = next(iter(clips.values())).skeleton
+    motions = [
+        each if each.skeleton.same_as(skeleton) else retarget(each, skeleton) for each in clips.values()
+    ]
+    together = Motion(
+        skeleton,
+        np.concatenate([each.root_pos_m for each in motions]),
+        np.concatenate([each.local_quat for each in motions]),
+        motions[0].fps,
+    )  # has the one rest pose of all
+    if target is not None:
+        together = prepared(together, target)
+    ends = np.cumsum([0, *(each.n_frames for each in motions)]).tolist()
+    parts = [
+        replace(together.sliced(start, stop), fps=each.fps)
+        for each, (start, stop) in zip(motions, pairwise(ends), strict=True)
+    ]
+    return _document(together, dict(zip(clips, parts, strict=True)), "" if target is None else target.root)
+
+
+def _document(shown: Motion, clips: Mapping[str, Motion], root: str) -> GltfDocument:
+    """The mannequin of a motion with animations by their names, and with a bone `root` if it is not ""."""
     document = GltfDocument.empty(GENERATOR)
-    first, body = _add_dancer(document, motion, build_mannequin(motion.skeleton, motion), root)
+    first, body = _add_dancer(document, shown, build_mannequin(shown.skeleton, shown), root)
     document.add("scenes", {"name": "dance", "nodes": [first, body]})
     document.json["scene"] = 0
-    add_animation(document, motion, clip, first)
+    for name, motion in clips.items():
+        add_animation(document, motion, name, first)
     return document
 
 

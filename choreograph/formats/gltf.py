@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.formats.axes_and_units import unit_m
+from choreograph.formats.count_marks import marks_of
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.gltf_rig import GltfRig, Rig, read_rig, rotations_of, world_matrices
@@ -39,10 +41,23 @@ _WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 
 def read(path: Path, bone_map: Mapping[str, str] | None = None) -> Iterator[Take]:
     """The animations as takes without music, named after the file and, if several, the animation."""
-    motions = read_gltf_motions(path, bone_map)
-    for name, (motion, notes) in motions.items():
-        own = path.stem if len(motions) == 1 else f"{path.stem}-{name}"
-        yield Take(own, motion, Credits(source=path.name), source_paths=(path,), notes=notes)
+    read = _read_animations(path, bone_map)
+    for name, one in read.items():
+        own = path.stem if len(read) == 1 else f"{path.stem}-{name}"
+        yield Take(
+            own, one.motion, Credits(source=path.name), source_paths=(path,), notes=one.notes,
+            counts=one.counts, figures=one.figures,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Animation:
+    """An animation as it was read."""
+
+    motion: Motion
+    notes: tuple[str, ...]
+    counts: Counts  # that are stated with it
+    figures: tuple[Figure, ...]
 
 
 def read_gltf_motions(
@@ -55,6 +70,11 @@ def read_gltf_motions(
     given, the skeleton has `roles` for the bones that were found. Raises `FormatError` if the file is
     damaged, or has no animation or no body.
     """
+    return {name: (one.motion, one.notes) for name, one in _read_animations(path, bone_map).items()}
+
+
+def _read_animations(path: str | Path, bone_map: Mapping[str, str] | None) -> dict[str, _Animation]:
+    """The animations of a file by name. Raises as `read_gltf_motions`."""
     document = read_gltf(path, images=False)
     animations = document.json.get("animations", [])
     if not animations:
@@ -63,7 +83,7 @@ def read_gltf_motions(
         raise FormatError(f"{path}: expected at most {_MAX_ANIMATIONS} animations, got {len(animations)}")
     found = read_rig(document)
     reader = _TrackReader(document, {node: bone for bone, node in enumerate(found.nodes)})
-    motions: dict[str, tuple[Motion, tuple[str, ...]]] = {}
+    motions: dict[str, _Animation] = {}
     try:
         body = _Body.of(_with_human_names(found), bone_map)
         for number, animation in enumerate(animations):
@@ -72,7 +92,7 @@ def read_gltf_motions(
                 name = animation.get("name") or f"{number + 1}"
                 while name in motions:
                     name = f"{name} {number + 1}"
-                motions[name] = body.motion(tracks)
+                motions[name] = _Animation(*body.motion(tracks), *marks_of(document, animation))
     except (FormatError, ParameterError) as error:
         raise FormatError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
     if not motions:

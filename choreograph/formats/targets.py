@@ -8,16 +8,19 @@ Godot loops a clip whose name ends in "-loop". Avatars of VRChat dance in place.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from choreograph.core.errors import ParameterError
-from choreograph.formats.gltf_document import GltfDocument
-from choreograph.formats.writer import renamed, with_rest_pose
+from choreograph.formats.writer import distinct, renamed, with_rest_pose
 from choreograph.motion.motion import Motion
 
 TargetName = Literal["unreal", "unity", "vrchat", "blender", "mmd", "godot"]
+_LOOP_GAP_M = 0.001  # greatest distance of a joint between the ends of a loop
 _UNUSUAL = re.compile(r"[^A-Za-z0-9]+")
 
 
@@ -65,7 +68,11 @@ def prepared(motion: Motion, target: Target) -> Motion:
 
     Raises `ParameterError` for a rig whose joint names are unknown.
     """
-    motion = renamed(with_rest_pose(motion, target.rest), target.naming)
+    return placed(renamed(with_rest_pose(motion, target.rest), target.naming), target)
+
+
+def placed(motion: Motion, target: Target) -> Motion:
+    """The motion, with the hips above the origin if the program expects it in place."""
     if not target.in_place:
         return motion
     root_pos_m = motion.root_pos_m.copy()  # (T, 3)
@@ -75,12 +82,25 @@ def prepared(motion: Motion, target: Target) -> Motion:
 
 def clip_name(song: str, target: Target, *, loops: bool) -> str:
     """The name of a clip: letters and digits of the song's name, and the mark of a loop."""
-    words = _UNUSUAL.sub("_", song).strip("_") or "dance"
-    return f"{words}{target.loop_mark if loops else ''}"
+    return f"{_words(song)}{target.loop_mark if loops else ''}"
 
 
-def named_clip(document: GltfDocument, name: str) -> GltfDocument:
-    """A copy of a document whose last animation has a name."""
-    renamed_document = document.copy()
-    renamed_document.json["animations"][-1]["name"] = name
-    return renamed_document
+def _words(name: str) -> str:
+    return _UNUSUAL.sub("_", name).strip("_") or "dance"
+
+
+def is_loop(motion: Motion) -> bool:
+    """Whether a motion ends where it begins, in the same pose."""
+    ends_m = [motion.sliced(frame, frame + 1).joint_pos_m()[0] for frame in (0, motion.n_frames - 1)]
+    return motion.n_frames > 1 and bool(np.linalg.norm(ends_m[1] - ends_m[0], axis=-1).max() < _LOOP_GAP_M)
+
+
+def named_clips(motions: Iterable[tuple[str, Motion]], target: Target | None = None) -> dict[str, Motion]:
+    """The motions by the names of their clips, which all differ, with the mark of those that loop."""
+    given = list(motions)
+    mark = Target.loop_mark if target is None else target.loop_mark
+    names = distinct([_words(name) for name, _ in given])
+    return {
+        f"{name}{mark if is_loop(motion) else ''}": motion
+        for name, (_, motion) in zip(names, given, strict=True)
+    }

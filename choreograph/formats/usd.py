@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 _ROOT = "/Dance"
+ANIMATION_PATH = f"{_ROOT}/Skeleton/Animation"
 _ROUGHNESS = 0.85
 _FILM_MM = 36.0  # width of the camera's film
 _REACH_M = 0.25  # of the mesh around its joints, for the bounds
@@ -172,7 +173,7 @@ def _add_animation(stage: Usd.Stage, motion: Motion, joints: list[str]) -> Any:
     """Translations and rotations of all joints at every frame, and constant scales."""
     from pxr import Gf, Usd, UsdSkel, Vt
 
-    animation = UsdSkel.Animation.Define(stage, f"{_ROOT}/Skeleton/Animation")
+    animation = UsdSkel.Animation.Define(stage, ANIMATION_PATH)
     animation.CreateJointsAttr(joints)
     n_joints = motion.skeleton.n_joints
     animation.CreateScalesAttr(Vt.Vec3hArray([Gf.Vec3h(1.0)] * n_joints))

@@ -15,16 +15,23 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.timebase import NET_FPS
+from choreograph.formats.count_marks import mark_stage, with_marks
+from choreograph.formats.glb import dance_document
+from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.register import is_motion, read_take
 from choreograph.formats.tables import write_counts
+from choreograph.formats.usd import ANIMATION_PATH, dance_stage, export_stage, require_usd
+from choreograph.formats.writer import GENERATOR
 from choreograph.library.building.counting import are_likely_right, load_motion_counter
 from choreograph.library.building.takes import measure_take
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
+from choreograph.motion.motion import Take
 from choreograph.music.form import Form, letter_name
 from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song import load_song
+from choreograph.pipeline.saving import save_document
 
 MOTION, SONG = "motion", "song"
 _SURE_SONG_CONFIDENCE = 0.5
@@ -45,6 +52,7 @@ class CountedFile:
     figures : tuple     the `Figure`s that are stated with a motion, or the phrases of a song. Those that
                         repeat each other have the same letter
     is_sure : bool      whether the counts are stated or likely to be right
+    take : Take         the animation, or None for a song
     """
 
     name: str
@@ -54,6 +62,7 @@ class CountedFile:
     loops: tuple[Loop, ...]
     figures: tuple[Figure, ...]
     is_sure: bool
+    take: Take | None = None
 
     @property
     def tempo_bpm(self) -> float | None:
@@ -125,7 +134,14 @@ def _counted_motion(path: Path) -> CountedFile:
         is_sure = len(counts) > 0 and are_likely_right(counts)
     away = pose_distances(measured.body_pos_m, NET_FPS, counts.times_s)
     return CountedFile(
-        take.name, MOTION, take.motion.duration_s, counts, best_loops(away, counts), take.figures, is_sure
+        take.name,
+        MOTION,
+        take.motion.duration_s,
+        counts,
+        best_loops(away, counts),
+        take.figures,
+        is_sure,
+        take,
     )
 
 
@@ -149,18 +165,22 @@ def _phrases(form: Form) -> tuple[Figure, ...]:
     )
 
 
-# Files of counts: a table (.csv), all facts (.json), and markers that sound editors read (.txt).
+# Files of counts: a table (.csv), all facts (.json), markers that sound editors read (.txt), and animations
+# with their counts (.glb, .usda, .usdc).
 
 
 def save_counts(path: str | Path, counted: CountedFile) -> None:
     """Write the counts of a file: a table (.csv), JSON (.json), or labels (.txt) as Audacity imports them.
 
-    Raises `ParameterError` for another suffix, or if there are no counts.
+    A .glb, .usda or .usdc has the animation that was counted, with its counts. If this is a .glb, all else in
+    it is kept.
+
+    Raises `ParameterError` for another suffix, if there are no counts, or for the animation of a song.
     """
     path = as_path("a file of counts to write", path)
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise ParameterError(f"{path}: expected a name ending in .csv, .json or .txt for counts")
+        raise ParameterError(f"{path}: expected a name ending in {', '.join(_WRITERS)} for counts")
     if not len(counted.counts):
         raise ParameterError(f"{path}: expected counts to write, got none: {counted.name} has no clear beat")
     writer(path, counted)
@@ -190,8 +210,33 @@ def _write_labels(path: Path, counted: CountedFile) -> None:
         temporary.write_text("".join(lines), encoding="utf-8")
 
 
+def _write_marked_glb(path: Path, counted: CountedFile) -> None:
+    take = _take_of(counted, path)
+    source = take.source_paths[0]
+    is_gltf = source.suffix.lower() in (".glb", ".gltf")
+    document = read_gltf(source) if is_gltf else dance_document(take.motion)
+    save_document(path, with_marks(document, counted.facts()))
+
+
+def _write_marked_stage(path: Path, counted: CountedFile) -> None:
+    require_usd(path)
+    stage = dance_stage(_take_of(counted, path).motion)
+    mark_stage(stage, ANIMATION_PATH, counted.facts())
+    with atomic_path(path) as temporary:
+        export_stage(stage, temporary, GENERATOR)
+
+
+def _take_of(counted: CountedFile, path: Path) -> Take:
+    if counted.take is None:
+        raise ParameterError(f"{path}: expected the counts of an animation, got those of a song: use .json")
+    return counted.take
+
+
 _WRITERS: Mapping[str, Callable[[Path, CountedFile], None]] = {
     ".csv": _write_table,
     ".json": _write_json,
     ".txt": _write_labels,
+    ".glb": _write_marked_glb,
+    ".usda": _write_marked_stage,
+    ".usdc": _write_marked_stage,
 }

@@ -24,7 +24,7 @@ from choreograph.formats.glb import GlbWriter, as_dance
 from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
-from choreograph.formats.targets import TARGETS, TargetName, check_target_format, clip_name, named_clip, reads
+from choreograph.formats.targets import TARGETS, TargetName, check_target_format, clip_name, placed, reads
 from choreograph.formats.vmd import DANCE_MODEL
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
@@ -81,9 +81,11 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     check_apart([path], [*read, *([Path(character.document.name)] if character is not None else [])])
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
-        document = character.dancing(parts.motion)
-        if parts.target is not None:
-            document = named_clip(document, _clip_name(parts, parts.target))
+        if parts.target is None:
+            document = character.dancing(parts.motion)
+        else:
+            motion = placed(parts.motion, TARGETS[parts.target])
+            document = character.dancing(motion, _clip_name(parts, parts.target))
         if suffix == "glb" and parts.camera is not None:
             document = with_camera(document, parts.camera)
         save_document(path, as_dance(document))
@@ -101,10 +103,18 @@ def _clip_name(parts: SavedParts, target: TargetName) -> str:
     return clip_name(parts.plan.song, TARGETS[target], loops=parts.loops)
 
 
-def save_on_character(path: str | Path, motion: Motion, character: GltfCharacter) -> None:
-    """Write the character again, as GLB or FBX, with the motion as its animation. Raises as `save_dance`."""
+def save_on_character(
+    path: str | Path, motion: Motion | Mapping[str, Motion], character: GltfCharacter
+) -> None:
+    """Write the character again, as GLB or FBX, with the motion as its animation. Raises as `save_dance`.
+
+    Several motions by their names are animations of one .glb.
+    """
     check_apart([path], [Path(character.document.name)])
-    save_document(path, character.dancing(motion))
+    if isinstance(motion, Motion):
+        save_document(path, character.dancing(motion))
+    else:
+        save_document(path, character.dancing_clips(motion))
 
 
 def save_document(path: str | Path, document: GltfDocument) -> None:

@@ -30,6 +30,30 @@ def test_a_motion_is_converted(folder):
     assert run("convert", "dance.bvh", "dance.npz").exit_code == 0
 
 
+def test_several_motions_are_clips_of_one_file(folder):
+    save_motion("my walk.bvh", swaying(90))
+    done = run("convert", "dance.bvh", "my walk.bvh", "all.glb", "--for", "godot", "--fps", 30)
+    assert done.exit_code == 0, done.output
+    assert done.stdout == "all.glb: dance 2.0 s, my_walk 3.0 s, 24 joints\n"
+    document = read_gltf("all.glb")
+    assert [each["name"] for each in document.json["animations"]] == ["dance", "my_walk"]
+    assert {"Root", "Hips"} <= {node["name"] for node in document.json["nodes"]}
+    done = run("retarget", "dance.bvh", "my walk.bvh", "hero.glb", "-o", "hero all.glb")
+    assert done.exit_code == 0, done.output
+    takes = list(import_takes("hero all.glb"))
+    assert [take.name for take in takes] == ["hero all-dance", "hero all-my_walk"]
+    for take, name in zip(takes, ("dance.bvh", "my walk.bvh"), strict=True):
+        assert run("retarget", name, "hero.glb", "-o", "one.glb").exit_code == 0
+        (one,) = import_takes("one.glb")
+        assert np.allclose(take.motion.joint_pos_m(), one.motion.joint_pos_m(), atol=1e-5)
+
+
+def test_a_character_dances_in_place_for_vrchat(folder):
+    assert run("retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--for", "vrchat").exit_code == 0
+    (take,) = import_takes("a.glb")
+    assert np.ptp(take.motion.root_pos_m[:, [0, 2]], axis=0).max() < 0.02  # feet are locked afterwards
+
+
 def test_a_motion_is_put_onto_a_character_by_a_map_that_was_saved(folder):
     first = run("retarget", "dance.bvh", "hero.glb", "-o", "a.glb", "--save-map", "map.json")
     assert first.exit_code == 0 and "22 bones of 34 known" in first.stdout
@@ -60,6 +84,12 @@ def test_a_song_is_danced_by_a_character(folder, db, song):
         (["dance", "song.wav", "--map", "map.json"], "--character"),
         (["dance", "song.wav", "-o", "a.bvh", "--camera", "cuts"], "-o NAME.html"),
         (["convert", "dance.bvh", "a.glb", "--units", "m"], "-o NAME.bvh"),
+        (["convert", "dance.bvh", "hero.glb", "a.bvh"], "a .glb for 2 motions"),
+        (["convert", "dance.bvh", "dance.bvh", "a.glb"], "dance.bvh again"),
+        (["convert", "dance.bvh", "a.glb", "--for", "mmd"], "a file .vmd for mmd"),
+        (["convert", "dance.bvh", "a.bvh", "--for", "unity"], "-o NAME.glb"),
+        (["retarget", "dance.bvh", "dance.bvh", "hero.glb", "-o", "a.glb"], "dance.bvh again"),
+        (["retarget", "dance.bvh", "hero.glb", "hero.glb", "-o", "a.fbx"], "a .glb for 2 motions"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_done_is_said_in_a_line(folder, arguments, says):

@@ -95,7 +95,7 @@ TABLE = {
         (_EVALUATED, ["--json"], (".json",)),
         ([["MINE", "song.wav"], ["d.bvh", "MINE"]], ["--page"], (".html",)),
     ],
-    "count": [([["MINE"]], ["-o"], (".csv", ".json", ".txt"))],
+    "count": [([["MINE"]], ["-o"], (".csv", ".json", ".txt", ".glb", ".usda"))],
     "get": [([["mine", "--table", "MINE"]], ["--build"], (".h5", ".toml"))],
     "library merge": [([["MINE"], ["FOLDER/"], ["other.h5", "MINE"]], ["-o"], (".h5",))],
     "study show": [([["FOLDER/"]], ["--json"], (".json",))],

@@ -20,7 +20,7 @@ from synthetic_characters import CHARACTERS, VRM, write_character
 from synthetic_motions import on_other_axes, swaying
 
 from choreograph.characters.gltf_character import read_character
-from choreograph.formats.glb import GlbWriter
+from choreograph.formats.glb import GlbWriter, clips_document
 from choreograph.formats.register import save_motion
 from choreograph.formats.targets import TARGETS
 from choreograph.formats.writer import NAMES
@@ -51,6 +51,8 @@ def folder(tmp_path_factory, motion) -> Path:
     save_motion(folder / "dance.glb", motion)
     save_motion(folder / "other.glb", on_other_axes(motion, 2))
     save_motion(folder / "dance.vrma", motion)
+    several = clips_document({"first": swaying(90, fps=60.0), "second": motion}, TARGETS["unreal"])
+    (folder / "dances.glb").write_bytes(several.to_glb())
     for name in PROGRAMS:
         writer = GlbWriter()
         writer.target = TARGETS[name]
@@ -112,6 +114,12 @@ def test_three_js_shows_a_dance_for_a_program(page, motion, name):
     for joint, role in enumerate(motion.skeleton.names):
         own = NAMES[TARGETS[name].naming][role].replace(".", "")  # three.js removes dots
         np.testing.assert_allclose(shown[own], pos[joint], atol=1e-3)
+
+
+def test_three_js_shows_the_second_of_several_dances(page, motion):
+    shown = page.evaluate(f"posed('dances.glb', {73 / motion.fps}, 1)")
+    for joint, role in enumerate(motion.skeleton.names):
+        np.testing.assert_allclose(shown[NAMES["ue"][role]], motion.joint_pos_m()[73, joint], atol=1e-3)
 
 
 def test_three_vrm_puts_the_animation_on_an_avatar(page, motion):

@@ -7,14 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_characters import CHARACTERS, write_character
-from synthetic_motions import stepping
+from synthetic_motions import on_other_axes, stepping
 from synthetic_pages import plan_for
 
 from choreograph.characters.gltf_character import read_character
 from choreograph.core.errors import ParameterError
+from choreograph.formats.glb import clips_document, dance_document
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.register import import_takes
-from choreograph.formats.targets import TARGETS, check_target_format, clip_name, prepared
+from choreograph.formats.targets import (
+    TARGETS,
+    check_target_format,
+    clip_name,
+    is_loop,
+    named_clips,
+    prepared,
+)
 from choreograph.formats.writer import NAMES
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -121,6 +129,58 @@ def test_clips_have_the_song_s_name_and_the_mark_of_a_loop(tmp_path):
     write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
     document = saved(tmp_path / "b.glb", "godot", character=read_character(tmp_path / "hero.glb"))
     assert document.json["animations"][-1]["name"] == "My_song_live"
+
+
+def clip(turn, fps=30.0, *, loops=False):
+    """A motion of its own, which ends where it begins if it `loops`."""
+    made = replace(stepping(60, seed=turn), fps=fps)
+    there = np.r_[np.arange(45), np.arange(43, -1, -1)] if loops else np.arange(45)
+    return replace(made, root_pos_m=made.root_pos_m[there], local_quat=made.local_quat[there])
+
+
+@pytest.mark.parametrize("name", [None, *ENGINES])
+def test_each_motion_is_a_clip_of_one_body(tmp_path, name):
+    target = None if name is None else TARGETS[name]
+    made = [("walk one", clip(1)), ("round", clip(2, 24.0, loops=True)), ("walk-one", clip(3))]
+    clips = named_clips(made, target)
+    assert list(clips) == ["walk_one", f"round{'-loop' if name == 'godot' else '_loop'}", "walk_one_2"]
+    document = clips_document(clips, target)
+    assert [each["name"] for each in document.json["animations"]] == list(clips)
+    assert len(document.json["skins"]) == len(document.json["meshes"]) == 1
+    (tmp_path / "all.glb").write_bytes(document.to_glb())
+    found = list(import_takes(tmp_path / "all.glb"))
+    assert [take.name for take in found] == [f"all-{each}" for each in clips]
+    for take, (_, motion) in zip(found, made, strict=True):
+        assert take.motion.fps == motion.fps and take.motion.n_frames == motion.n_frames
+        expected = motion.joint_pos_m()
+        if target is not None and target.in_place:
+            expected = expected - (motion.root_pos_m * [1.0, 0.0, 1.0])[:, None]
+        names = NAMES["smpl" if target is None else target.naming]
+        order = [take.motion.skeleton.index(names.get(role, role)) for role in motion.skeleton.names]
+        away = take.motion.joint_pos_m()[:, order] - expected
+        assert np.ptp(away[..., 1]) < 1e-4  # readers put each floor at 0
+        assert np.abs(away[..., [0, 2]]).max() < 1e-4
+
+
+def test_clips_of_another_body_are_put_on_the_first(tmp_path):
+    other = on_other_axes(clip(2), 2)
+    document = clips_document({"a": clip(1), "b": other})
+    (tmp_path / "all.glb").write_bytes(document.to_glb())
+    second = list(import_takes(tmp_path / "all.glb"))[1].motion
+    assert second.skeleton.names == MOTION.skeleton.names
+    away = second.joint_pos_m() - clip(2).joint_pos_m()
+    assert np.ptp(away, axis=(0, 1)).max() < 0.02
+    with pytest.raises(ParameterError, match="a motion or several"):
+        clips_document({})
+
+
+def test_one_clip_has_the_bytes_of_one_dance():
+    assert clips_document({"dance": MOTION}).to_glb() == dance_document(MOTION).to_glb()
+
+
+def test_a_loop_ends_where_it_begins():
+    assert is_loop(clip(1, loops=True)) and not is_loop(clip(1))
+    assert not is_loop(MOTION.sliced(0, 1))
 
 
 def test_a_file_without_a_program_has_the_same_bytes_as_before(tmp_path):

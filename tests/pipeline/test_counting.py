@@ -82,7 +82,7 @@ def test_counts_are_written_as_table_facts_and_labels(tmp_path, waltz):
     assert [float(start) for start, _, text in rows if text == "1"] == pytest.approx(
         waltz.counts.downbeat_times_s, abs=1e-5
     )
-    with pytest.raises(ParameterError, match=r"expected a name ending in \.csv, \.json or \.txt"):
+    with pytest.raises(ParameterError, match=r"expected a name ending in \.csv, \.json, \.txt"):
         save_counts(tmp_path / "a.mid", waltz)
 
 
