@@ -151,6 +151,7 @@ def sound_classes(t: SimpleNamespace) -> dict[str, Sound]:
         "DanceConfig": sound(cg.DanceConfig),
         "GltfCharacter": sound(cg.GltfCharacter, **values_of(t.character)),
         "GltfCharacter.dancing": sound(t.character.dancing, motion=motion),
+        "GltfCharacter.dancing_clips": sound(t.character.dancing_clips, motions={"a": motion}),
         "GltfCharacter.with_animation": sound(
             t.character.with_animation, performance=t.performance, name="dance"
         ),

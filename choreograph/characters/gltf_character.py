@@ -59,6 +59,7 @@ class GltfCharacter:
 
         Raises `ParameterError` if the bones of the body are not all below the pelvis.
         """
+        check_text("the name of an animation", name)
         return self.dancing_clips({name: motion})
 
     def dancing_clips(self, motions: Mapping[str, Motion]) -> GltfDocument:
@@ -66,6 +67,7 @@ class GltfCharacter:
 
         Raises `ParameterError` as `dancing`.
         """
+        check_kind("motions by their names", motions, Mapping)
         document = self._without_animations()
         for name, motion in motions.items():
             check_kind("a motion", motion, Motion)

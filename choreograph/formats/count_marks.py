@@ -1,4 +1,4 @@
-"""Counts in files of motions: what `count` knows, with the animation of a GLB or the stage of USD.
+"""Counts in files of motions: the results of `count` with the animation of a GLB or the stage of USD.
 
 In a GLB, it is the entry `choreograph_counts` of the `extras` of an animation, with the fields that the JSON
 of `count` has. Times are those of the keys. In USD, it is that entry of the stage's metadata, with times in
@@ -7,20 +7,15 @@ seconds, and an attribute `count` of the animation, whose time samples are the n
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from collections.abc import Mapping
+from typing import Any
 
 from choreograph.core.counts import ANNOTATED, DATA_SET, NO_COUNTS, Counts, Figure, make_counts
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.formats.gltf_document import GltfDocument
 
-if TYPE_CHECKING:
-    from pxr import Usd
-
 KEY = "choreograph_counts"
-_SPANS = ("loops", "figures")
+SPANS = ("loops", "figures")
 _OF_FILE = ("name", "kind", "duration_s")  # of the JSON of `count`, which say nothing of the counts
 
 
@@ -28,7 +23,7 @@ def with_marks(document: GltfDocument, facts: Mapping[str, Any]) -> GltfDocument
     """A copy of a document whose animations have the `facts` of `CountedFile.facts`."""
     marked = document.copy()
     for animation in marked.json.get("animations", []):
-        own = _moved(_of_counts(facts), start_s(marked, animation))
+        own = _moved(of_counts(facts), start_s(marked, animation))
         animation["extras"] = {**_extras(animation), KEY: own}
     return marked
 
@@ -69,18 +64,8 @@ def start_s(document: GltfDocument, animation: Mapping[str, Any]) -> float:
     return min(firsts, default=0.0)
 
 
-def mark_stage(stage: Usd.Stage, prim_path: str, facts: Mapping[str, Any]) -> None:
-    """Add the `facts` of `CountedFile.facts` to a stage, with time samples on the prim of the animation."""
-    from pxr import Sdf
-
-    stage.GetRootLayer().customLayerData = {KEY: _in_usd(_of_counts(facts))}
-    fps = stage.GetTimeCodesPerSecond()
-    count = stage.GetPrimAtPath(prim_path).CreateAttribute("count", Sdf.ValueTypeNames.Int, custom=True)
-    for time_s, number in zip(facts["times_s"], facts["numbers"], strict=True):
-        count.Set(int(number), time_s * fps)
-
-
-def _of_counts(facts: Mapping[str, Any]) -> dict[str, Any]:
+def of_counts(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the facts of a file that say something of its counts."""
     return {name: value for name, value in facts.items() if name not in _OF_FILE}
 
 
@@ -97,22 +82,6 @@ def _moved(facts: Mapping[str, Any], by_s: float) -> dict[str, Any]:
         kind: [
             {**each, "start_s": each["start_s"] + by_s, "end_s": each["end_s"] + by_s} for each in facts[kind]
         ]
-        for kind in _SPANS
+        for kind in SPANS
     }
     return {**facts, "times_s": [time_s + by_s for time_s in facts["times_s"]], **spans}
-
-
-def _in_usd(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """The facts as values that USD stores: arrays of numbers, and a dictionary for each loop and figure."""
-    from pxr import Vt
-
-    stored: dict[str, Any] = {}
-    for name, value in facts.items():
-        if name in _SPANS:
-            stored[name] = {f"{name[:-1]}_{number + 1}": dict(each) for number, each in enumerate(value)}
-        elif isinstance(value, Sequence) and not isinstance(value, str):
-            kind = Vt.IntArray if name == "numbers" else Vt.DoubleArray
-            stored[name] = kind.FromNumpy(np.array(value, np.int32 if name == "numbers" else np.float64))
-        elif value is not None:
-            stored[name] = value
-    return stored

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
+from choreograph.formats.count_marks import KEY, SPANS, of_counts
 from choreograph.formats.glb import linear_light
 from choreograph.formats.gltf_camera import camera_quat
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
@@ -248,6 +249,33 @@ def _matrix(pos_m: Floats, quat: Floats) -> Any:
     from pxr import Gf
 
     return Gf.Matrix4d(Gf.Rotation(Gf.Quatd(*np.asarray(quat, float).tolist())), Gf.Vec3d(*pos_m.tolist()))
+
+
+def mark_stage(stage: Usd.Stage, prim_path: str, facts: Mapping[str, Any]) -> None:
+    """Add the `facts` of `CountedFile.facts` to a stage, with time samples on the prim of the animation."""
+    from pxr import Sdf
+
+    stage.GetRootLayer().customLayerData = {KEY: _in_usd(of_counts(facts))}
+    fps = stage.GetTimeCodesPerSecond()
+    count = stage.GetPrimAtPath(prim_path).CreateAttribute("count", Sdf.ValueTypeNames.Int, custom=True)
+    for time_s, number in zip(facts["times_s"], facts["numbers"], strict=True):
+        count.Set(int(number), time_s * fps)
+
+
+def _in_usd(facts: Mapping[str, Any]) -> dict[str, Any]:
+    """The facts as values that USD stores: arrays of numbers, and a dictionary for each loop and figure."""
+    from pxr import Vt
+
+    stored: dict[str, Any] = {}
+    for name, value in facts.items():
+        if name in SPANS:
+            stored[name] = {f"{name[:-1]}_{number + 1}": dict(each) for number, each in enumerate(value)}
+        elif isinstance(value, Sequence) and not isinstance(value, str):
+            kind = Vt.IntArray if name == "numbers" else Vt.DoubleArray
+            stored[name] = kind.FromNumpy(np.array(value, np.int32 if name == "numbers" else np.float64))
+        elif value is not None:
+            stored[name] = value
+    return stored
 
 
 WRITERS = (UsdaWriter, UsdcWriter)
