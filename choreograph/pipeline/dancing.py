@@ -53,6 +53,7 @@ from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.assembly import off_stage
 from choreograph.render.filled_gaps import Loop, looped
+from choreograph.render.first_part import FirstPart
 from choreograph.render.rendering import render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
@@ -279,9 +280,10 @@ def dance_with(
     duration_s: float | None = None,
     config: DanceConfig = DEFAULTS,
     report: ProgressReport | None = None,
+    first: FirstPart | None = None,
     **settings: Unpack[DanceSettings],
 ) -> Dance:
-    """As `dance`, with a memory of values for this repertoire."""
+    """As `dance`, with a memory for this repertoire. A `first` part is shown once it is rendered."""
     requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
     costs = as_list("costs", costs, "Cost", Cost)
     config = _configured(as_config(config), settings, requested, costs)
@@ -298,7 +300,9 @@ def dance_with(
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
     with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
-        return _danced(engine, loaded, repertoire, config, requested, costs, style, kept, report, memory)
+        return _danced(
+            engine, loaded, repertoire, config, requested, costs, style, kept, report, memory, first
+        )
 
 
 def _configured(
@@ -345,6 +349,7 @@ def _danced(
     kept_of: tuple[ExistingDance, tuple[Keep, ...]] | None,
     report: ProgressReport | None,
     memory: Memory,
+    first: FirstPart | None,
 ) -> Dance:
     """The stages in order, with checked arguments."""
     if report is not None:
@@ -369,7 +374,8 @@ def _danced(
         return_memory(song_features.duration_s)
         motion = result.motion
         if motion is None:
-            motion = render_planned(result.plan, repertoire, memory, report=substage(report, "rendering"))
+            rendering = substage(report, "rendering")
+            motion = render_planned(result.plan, repertoire, memory, report=rendering, first=first)
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)

@@ -65,9 +65,7 @@ def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
 
 def scale_in_place(motion: Motion, amplitudes: Sequence[float]) -> None:
     """As `with_amplitudes`, but it changes the arrays of `motion`."""
-    knots_s = np.arange(len(amplitudes)) + 0.5
-    times_s = frame_times_s(motion.n_frames, motion.fps)
-    scale = _smooth(np.interp(times_s, knots_s, amplitudes), motion.fps)[:, None]  # (T, 1)
+    scale = _scale(amplitudes, motion.n_frames, motion.fps)
     skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
     feet = {
         side: [j for j in range(skeleton.n_joints) if roles[f"{side}_ankle"] in ancestors(skeleton, j)]
@@ -92,6 +90,19 @@ def scale_in_place(motion: Motion, amplitudes: Sequence[float]) -> None:
         local_quat[block] = to_local(skeleton, global_quat)
     rot.make_continuous(local_quat, out=local_quat)
     motion.root_pos_m[:] = root_pos_m
+
+
+def scaled_root(root_pos_m: Floats, amplitudes: Sequence[float], fps: float) -> Floats:
+    """The root (T, 3) that a motion with this root has with amplitudes, before poses are held."""
+    return (
+        _scaled_path(root_pos_m, _scale(amplitudes, len(root_pos_m), fps), fps) if amplitudes else root_pos_m
+    )
+
+
+def _scale(amplitudes: Sequence[float], n_frames: int, fps: float) -> Floats:
+    """The amplitude of each frame (T, 1)."""
+    knots_s = np.arange(len(amplitudes)) + 0.5
+    return _smooth(np.interp(frame_times_s(n_frames, fps), knots_s, amplitudes), fps)[:, None]
 
 
 def _smooth(values: Floats, fps: float) -> Floats:

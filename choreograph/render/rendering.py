@@ -24,6 +24,7 @@ from choreograph.plan_parts import PlannedEdit, PlannedWord, held_spans_s
 from choreograph.render.assembly import assemble
 from choreograph.render.dynamics import STOP_EASE_S, scale_in_place, with_stops
 from choreograph.render.filled_gaps import fill_gaps, of_length
+from choreograph.render.first_part import FirstPart, part_of_plan
 from choreograph.render.held_poses import (
     Replaced,
     copied,
@@ -111,36 +112,35 @@ def render_planned(
     *,
     existing: Motion | None = None,
     report: StepReport | None = None,
+    first: FirstPart | None = None,
 ) -> Motion:
     """As `render` of a valid plan, with a memory of this repertoire.
 
-    In the memory are parts of takes and motions of the same steps.
+    In the memory are parts of takes and motions of the same steps. A `first` part is shown before the rest
+    is rendered, without edits, unless all is in the memory.
     """
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
     if existing is not None:
         motion = of_length(existing, max(1, seconds_to_frames(plan.duration_s, plan.fps)))
     else:
-        motion = _rendered(plan, repertoire, memory, report)
+        motion = _rendered(plan, repertoire, memory, report, first)
     read_motion = take_motions(repertoire)
     for edit in plan.edits:
         motion = with_edit(motion, plan, edit, read_motion)
     return motion
 
 
-def _rendered(plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None) -> Motion:
+def _rendered(
+    plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None, first: FirstPart | None
+) -> Motion:
     """The motion of a plan without its edits."""
     sample = RecentRuns(memory).sample if memory.is_on else sample_run
-    steps = replace(
-        plan,
-        weights={},
-        seed=0,
-        least_cost=None,
-        seconds=tuple(replace(s, costs={}) for s in plan.seconds),
-        edits=(),
-    )
+    seconds = tuple(replace(second, costs={}) for second in plan.seconds)
+    steps = replace(plan, weights={}, seed=0, least_cost=None, seconds=seconds, edits=())
+    read_motion = take_motions(repertoire)
     motion = memory.value(
-        lambda: render_from(take_motions(repertoire), plan, sample=sample, report=report), "rendered", steps
+        lambda: render_from(read_motion, plan, sample=sample, report=report, first=first), "rendered", steps
     )
     return deepcopy(motion) if memory.is_on else motion
 
@@ -151,10 +151,11 @@ def render_from(
     *,
     sample: RunSampler = sample_run,
     report: StepReport | None = None,
+    first: FirstPart | None = None,
 ) -> Motion:
     """As `render` without edits, for a plan that needs no checks.
 
-    The functions `read_motion` and `sample` read takes and sample runs.
+    The functions `read_motion` and `sample` read takes and sample runs. A `first` part is shown early.
     """
     motion, joins = assemble(
         plan_runs(plan),
@@ -168,6 +169,8 @@ def render_from(
         report=part(report, 0, 70, _STEPS),
     )
     return_memory(plan.duration_s)
+    if first is not None:
+        first.show(motion, joins, plan, with_dynamics)
     motion = with_dynamics(motion, joins, plan)
     if report is not None:
         report(_STEPS, _STEPS)
@@ -211,15 +214,8 @@ def _window(plan: Plan, edit: PlannedEdit, from_s: int, duration_s: float) -> Pl
     words = tuple(
         replace(word, start_s=word.start_s - from_s, end_s=word.end_s - from_s) for word in edit.words
     )
-    closing_s = plan.danced_until_s - from_s
-    stops_s = [(rests_s - from_s, moves_s - from_s) for rests_s, moves_s in plan.stops_s]
-    return replace(
-        plan, seconds=(), words=words, edits=(), duration_s=duration_s,
-        opening_s=max(0.0, plan.opening_s - from_s),
-        closing_s=closing_s if closing_s < duration_s else None,
-        stops_s=tuple(span_s for span_s in stops_s if span_s[0] > STOP_EASE_S and span_s[1] < duration_s),
-        amplitudes=() if any(word.pinned for word in words) else plan.amplitudes[from_s:],
-    )  # fmt: skip
+    window = replace(part_of_plan(plan, from_s, duration_s), words=words)
+    return replace(window, amplitudes=()) if any(word.pinned for word in words) else window
 
 
 def render_generated(motion: Motion, plan: Plan) -> Motion:

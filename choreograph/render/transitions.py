@@ -205,6 +205,14 @@ class Joins:
     times_s: Floats  # (B,) at which a take begins after another one
     feet_m: tuple[tuple[int, Floats], ...]  # first dance frame, and `CONTACT_JOINTS` (n, 4, 3) of a take
 
+    def between(self, begin: int, end: int, fps: float) -> Joins:
+        """The joins of a part of the dance, from one frame to another, with times from its start."""
+        feet_m = [
+            (max(first, begin) - begin, of_take_m[max(0, begin - first) : max(0, end - first)])
+            for first, of_take_m in self.feet_m
+        ]
+        return Joins(self.times_s - begin / fps, tuple(one for one in feet_m if len(one[1])))
+
     def contacts(self, motion: Motion, from_s: float, to_s: float) -> Floats:
         """Contacts (T, 4) of a motion, and near joins from `from_s` to `to_s` also those of its takes."""
         feet_m = body_pos_m(motion, CONTACT_JOINTS)  # (T, 4, 3)

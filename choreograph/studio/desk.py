@@ -26,16 +26,15 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.assembly import off_stage
+from choreograph.render.first_part import FirstPart
 from choreograph.render.rendering import take_motions, with_edit
 from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
 from choreograph.studio.offers import Offers
-from choreograph.studio.project import Project, Settings, Span, Step, joined
+from choreograph.studio.project import SHORTEST_LEFT_S, Project, Settings, Span, Step
 from choreograph.studio.project_file import ProjectFile, project_path
 from choreograph.studio.refusals import ConflictError, NotFoundError
 from choreograph.studio.shelf import Shelf
 from choreograph.studio.step_dances import StepDances
-
-_SHORTEST_LEFT_S = 0.05  # of a locked part. Shorter ones are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,13 +229,14 @@ class Desk:
         *,
         keep_locked: bool = True,
         span: Span | None = None,
+        first: FirstPart | None = None,
     ) -> None:
         """Change settings and make the dance again, if there is a song. Raises as `dance_again`."""
         self.check(revision)
         if self.state.song is None:
             self._saved(self.project.with_settings(self.project.settings.changed(changes)))
             return
-        self.dance_again(revision, changes, report, keep_locked=keep_locked, span=span)
+        self.dance_again(revision, changes, report, keep_locked=keep_locked, span=span, first=first)
 
     @default_numerics()
     def dance_again(
@@ -247,8 +247,11 @@ class Desk:
         *,
         keep_locked: bool = True,
         span: Span | None = None,
+        first: FirstPart | None = None,
     ) -> None:
         """Make the dance with some settings changed, all of it or a span. Locked parts are kept.
+
+        A `first` part of a dance of which nothing is kept is shown before all is rendered.
 
         Raises `ConflictError` for an old revision, `ParameterError` for a setting that is not valid, and as
         `choreograph.dance`.
@@ -259,8 +262,10 @@ class Desk:
         if settings.repertoire != project.settings.repertoire:
             keep_locked, span = False, None  # what would be kept has takes of the other repertoire
         repertoire = self.shelf.open(settings.repertoire, self.folder)
-        kept = self._kept(keep_locked, span)
-        again: dict[str, Any] = {"existing": self.state.dance, "keep": kept} if kept else {}
+        before = self.state.dance
+        spans = () if before is None else project.kept(keep_locked, span, before.plan.duration_s)
+        kept = [Keep(*one) for one in spans]
+        again: dict[str, Any] = {"existing": before, "keep": kept} if kept else {"first": first}
         if kept and settings.engine == "rollout":
             raise ParameterError(
                 "expected graph or mixer where parts of the dance are kept, got rollout, which generates "
@@ -272,19 +277,6 @@ class Desk:
         # A setting of one span is not that of the whole dance.
         kept_settings = settings if span is None else project.settings
         self._with_dance(f"{what}{where}", made, kept_settings, edited=bool(kept))
-
-    def _kept(self, keep_locked: bool, span: Span | None) -> list[Keep]:
-        """What is kept when the dance is made again: locked parts, and all outside of the span."""
-        if self.state.dance is None:
-            return []
-        duration_s = self.state.dance.plan.duration_s
-        kept = list(self.project.locks) if keep_locked else []
-        if span is not None:
-            [(start_s, end_s)] = joined([span], duration_s)
-            kept += [
-                one for one in ((0.0, start_s), (end_s, duration_s)) if one[1] - one[0] > _SHORTEST_LEFT_S
-            ]
-        return [Keep(*one) for one in joined(kept, duration_s)]
 
     def edit(
         self,
@@ -316,7 +308,7 @@ class Desk:
     def _check_locks(self, edits: Sequence[PlannedEdit]) -> None:
         for one in edits:
             for start_s, end_s in self.project.locks:
-                if one.start_s < end_s - _SHORTEST_LEFT_S and one.end_s > start_s + _SHORTEST_LEFT_S:
+                if one.start_s < end_s - SHORTEST_LEFT_S and one.end_s > start_s + SHORTEST_LEFT_S:
                     raise ParameterError(
                         f"expected an edit outside of what is locked, {start_s:.1f} to {end_s:.1f} s, got "
                         f"one of {one.start_s:.1f} to {one.end_s:.1f} s with its transitions: unlock it, or "

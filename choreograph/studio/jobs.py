@@ -37,12 +37,14 @@ class Job:
     total: int = 0  # 0 if it is not known
     log: list[str] = field(default_factory=list)
     result: Any = None
+    first: Any = None  # a part of the result (JSON), which is there before all of it
     error: str = ""
     status: int = 400  # HTTP status of the error
     began_s: float = field(default_factory=time.monotonic)
     ended_s: float | None = None
     cancelled: threading.Event = field(default_factory=threading.Event)
     ended: threading.Event = field(default_factory=threading.Event)
+    begun: threading.Event = field(default_factory=threading.Event)  # once there is a first part, or an end
     on_change: Callable[[Job], None] = lambda job: None
 
     def report(self, stage: str, done: int, total: int) -> None:
@@ -60,6 +62,13 @@ class Job:
             raise CancelledError("cancelled")
         self.log = [*self.log[1 - _LOG_LINES :], line]
         self.on_change(self)
+
+    def show(self, first: Any) -> None:
+        """Give a first part of the result, for which pages wait. Raises as `report`."""
+        if self.cancelled.is_set():
+            raise CancelledError("cancelled")
+        self.first = first
+        self.begun.set()
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -150,4 +159,5 @@ def _end(job: Job, future: Future[Any]) -> None:
         if not known:
             _LOG.error("the studio failed", exc_info=error)
     job.on_change(job)
+    job.begun.set()
     job.ended.set()

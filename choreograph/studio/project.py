@@ -27,6 +27,7 @@ FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
 ENGINES = ("graph", "mixer", "rollout")
+SHORTEST_LEFT_S = 0.05  # of a part that is kept or locked. Shorter ones are left out
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
 
 EditKind = Literal["swap", "vary", "repeat", "hold", "cut", "pin_take", "pin_motif", "ban"]  # of a page
@@ -193,6 +194,16 @@ class Project:
         Raises `ParameterError` for a part that is not within the dance.
         """
         return replace(self, locks=joined(locks, duration_s))._changed()
+
+    def kept(self, keep_locked: bool, span: Span | None, duration_s: float) -> tuple[Span, ...]:
+        """What is kept when the dance is made again: locked parts, and all outside of the span."""
+        kept = list(self.locks) if keep_locked else []
+        if span is not None:
+            [(start_s, end_s)] = joined([span], duration_s)
+            kept += [
+                one for one in ((0.0, start_s), (end_s, duration_s)) if one[1] - one[0] > SHORTEST_LEFT_S
+            ]
+        return joined(kept, duration_s)
 
     def with_version(self, slot: str) -> Project:
         """The project whose current step is version A or B. Raises `ParameterError` for another slot."""

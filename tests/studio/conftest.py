@@ -10,6 +10,28 @@ import pytest
 pytest.importorskip("fastapi")
 
 
+@pytest.fixture(scope="module")
+def browser(chromium):
+    """A headless Chromium that draws in software."""
+    from browsers import SWIFTSHADER
+
+    return chromium(SWIFTSHADER)
+
+
+@pytest.fixture(scope="module")
+def danced(browser, song, tmp_path_factory):
+    """The address of a studio with a dance. A page dropped the song."""
+    from studio_pages import drop, opening, serving, until
+
+    with serving(tmp_path_factory.mktemp("studio")) as address:
+        with opening(browser, address) as page:
+            assert page.is_visible("#welcome")
+            drop(page, song)
+            until(page, "studio.playing && studio.time > 0.3")
+            assert not page.is_visible("#welcome")
+        yield address
+
+
 @pytest.fixture
 def folder(tmp_path, song):
     """A folder with a song of clicks."""

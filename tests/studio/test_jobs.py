@@ -106,3 +106,30 @@ def test_old_jobs_are_forgotten(jobs):
         jobs.do("new", lambda job: 1)
     with pytest.raises(NotFoundError):
         jobs.get(first.id)
+
+
+def test_a_first_part_is_there_before_the_end(jobs):
+    go_on = threading.Event()
+
+    def work(job):
+        job.show({"part": 1})
+        go_on.wait(5)
+        return {"all": 2}
+
+    job = jobs.start("dance", work)
+    assert job.begun.wait(5) and job.first == {"part": 1} and not job.ended.is_set()
+    assert "first" not in job.facts
+    go_on.set()
+    assert ended(job).result == {"all": 2}
+    without = ended(jobs.start("dance", lambda job: None))
+    assert without.begun.wait(5) and without.first is None
+
+
+def test_a_cancelled_job_shows_nothing(jobs):
+    def work(job):
+        job.cancelled.wait(5)
+        job.show({"part": 1})
+
+    job = jobs.start("dance", work)
+    jobs.cancel(job.id)
+    assert ended(job).state == "cancelled" and job.first is None

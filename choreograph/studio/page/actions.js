@@ -72,11 +72,13 @@ export class Actions {
     return attempt(() => this.store.change(path));
   }
 
-  // Make the dance again with other settings, or one span of it. Locked spans are kept.
+  // Make the dance again with other settings, or one span of it. Locked spans are kept. What is danced from the
+  // playhead on comes first.
   settings(changes, span = null) {
     return attempt(async () => {
-      const answer = await this.store.change("settings", { changes, keep_locked: true, ...span });
-      await this.jobs.finish(answer, "Dancing again");
+      const at = this.getPlayer().time;
+      const answer = await this.store.change("settings", { changes, keep_locked: true, at, ...span });
+      await this.jobs.finish(answer, "Dancing again", { onFirst: (part) => this.store.tellFirst(part) });
       return true;
     });
   }

@@ -19,8 +19,9 @@ export class Jobs extends EventTarget {
   }
 
   // Wait for the job of an answer { job }, and give its result. An answer without a job is the result.
-  // onLog gets the lines of its log. A quiet job has no progress bar.
-  async finish(answer, label, { onLog = null, quiet = false, signal = null } = {}) {
+  // onLog gets the lines of its log. onFirst gets a part of its result that is there first, or null if the job then
+  // ends without a result. A quiet job has no progress bar.
+  async finish(answer, label, { onLog = null, onFirst = null, quiet = false, signal = null } = {}) {
     if (!answer || !("job" in answer)) return answer;
     const row = new Row(label, () => remove(`jobs/${answer.job}`).catch(() => {}));
     const show = setTimeout(() => { if (!quiet) this.box.append(row.element); }, SHOWN_AFTER_MS);
@@ -28,7 +29,10 @@ export class Jobs extends EventTarget {
     signal?.addEventListener("abort", cancel, { once: true });
     this.#count(1);
     try {
-      return await this.#wait(answer.job, row, onLog);
+      return await this.#wait(answer.job, row, onLog, onFirst);
+    } catch (error) {
+      onFirst?.(null);
+      throw error;
     } finally {
       clearTimeout(show);
       row.element.remove();
@@ -42,11 +46,12 @@ export class Jobs extends EventTarget {
     document.body.classList.toggle("working", this.running > 0);
   }
 
-  async #wait(id, row, onLog) {
+  async #wait(id, row, onLog, onFirst) {
     const since = performance.now();
     for (;;) {
       const early = performance.now() - since < 1000;
-      const job = await get(`jobs/${id}?wait=${WAIT_S[early ? 0 : 1]}`);
+      const job = await get(`jobs/${id}?wait=${WAIT_S[early ? 0 : 1]}${onFirst ? "&first=true" : ""}`);
+      if (job.first) { onFirst(job.first); onFirst = null; }
       onLog?.(job.log ?? []);
       if (job.state === "done") return this.#result(job.result);
       if (job.state === "cancelled") throw new Cancelled();
@@ -57,7 +62,7 @@ export class Jobs extends EventTarget {
 
   // The result of a job that has changed the dance is its revision.
   async #result(result) {
-    if (result && "revision" in result) await this.store.refresh();
+    if (result && "revision" in result) await this.store.refresh(result.revision);
     return result ?? {};
   }
 }

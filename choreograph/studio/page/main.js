@@ -38,7 +38,7 @@ class Studio {
     const store = (this.store = new Store(paths));
     this.jobs = new Jobs(store);
     this.player = new Player(NOTHING, null);
-    this.view = new DancerView($("view"), this.player, (time) => this.#showTime(time));
+    this.view = new DancerView($("view"), this.player, (time) => this.#showTime(time), () => this.jobs.running > 0);
     this.counts = new Counts(NOTHING);
     this.selection = new Selection(store, () => this.counts);
     this.figures = new Figures(store);
@@ -55,13 +55,15 @@ class Studio {
     this.lanes = null; // made with the first dance
     this.dance = null; // the one shown
     this.song = null;
-    this.played = { dancer: null, at: 0 }; // the dancer that was played last, and when first, in ms of the page
+    this.played = { revision: null, at: 0 }; // the dance that was played last, and when first, in ms of the page
     this.shown = Promise.resolve(); // once the newest state is shown
     new Drop({
       song: (file) => this.openSong(file),
       character: (file) => { this.tabs.open("character"); this.character.send(file); },
       takes: (files) => { this.tabs.open("build"); this.build.build(files); },
     });
+    store.before = (revision) => this.#showMotion(revision);
+    store.addEventListener("first", ({ detail }) => { if (this.dance) attempt(() => this.view.showPart(detail, this.dance)); });
     store.addEventListener("state", () => attempt(() => this.#show()));
     store.addEventListener("span", () => this.lanes?.showSpan());
     this.#connectButtons();
@@ -113,6 +115,13 @@ class Studio {
     if (!state.dance) return null;
     this.shown = this.shown.catch(() => {}).then(() => this.#showNewest());
     return this.shown;
+  }
+
+  // Show a motion before the state of its revision is asked for. If it is not there, the state decides what is shown.
+  async #showMotion(revision) {
+    if (!this.dance) return;
+    await this.shown.catch(() => {});
+    await this.view.showMotion(revision, this.dance).catch((error) => { if (!error.status) throw error; });
   }
 
   async #showNewest() {
@@ -207,9 +216,9 @@ class Studio {
   #showTime(time) {
     const { lanes, dance } = this;
     if (!lanes) return;
-    if (this.player.playing && this.played.dancer !== this.view.stage.dancer) {
-      this.played = { dancer: this.view.stage.dancer, at: performance.now() };
-    }
+    const { revision, part } = this.view.stage.dancer;
+    const isPlayed = this.player.playing && (!part || (time >= part.from && time < part.to));
+    if (isPlayed && revision !== this.played.revision) this.played = { revision, at: performance.now() };
     lanes.show(time);
     const text = clockText(time, true), count = this.counts.textAt(time);
     if (text !== this.text) {
@@ -248,6 +257,7 @@ class Studio {
       get dance() { return store.dance; },
       get busy() { return document.body.getAttribute("aria-busy") === "true"; },
       get playedSince() { return studio.played.at; }, // the dance that is shown
+      get part() { return view.stage?.dancer.part ?? null; }, // of the next dance, within the one before
       get framesDrawn() { return view.stage?.drawn ?? 0; },
       get loop() { return { ...player.loop }; },
       seek(timeS) { player.seek(timeS); },

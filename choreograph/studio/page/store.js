@@ -8,6 +8,7 @@ export class Store extends EventTarget {
     this.paths = paths;
     this.state = null;
     this.changing = 0; // requests for changes that are not answered yet
+    this.before = async () => {}; // what is done with a new revision before its state is asked for
     this.span = null; // the selected span: { from, to } in seconds of the dance
   }
 
@@ -25,7 +26,11 @@ export class Store extends EventTarget {
     this.#tell("state", { before });
   }
 
-  async refresh() { this.apply(await get("state")); }
+  // Ask for the newest state. With the revision that is known to be new, its motion comes first.
+  async refresh(revision = null) {
+    if (revision !== null) await this.before(revision);
+    this.apply(await get("state"));
+  }
 
   // Send a change of the newest revision. Its answer is the new state, or a job.
   async change(path, body = {}, method = "POST") {
@@ -54,6 +59,9 @@ export class Store extends EventTarget {
 
   // Tell that the dance of the newest state is on the stage.
   tellShown() { this.#tell("shown"); }
+
+  // Tell of a part of the dance that is there before the rest, or null if there will be no rest.
+  tellFirst(part) { this.#tell("first", part); }
 
   select(span) {
     this.span = span;

@@ -40,10 +40,11 @@ class Revised(Body):
 
 
 class SettingsBody(Revised):
-    """Changes of settings, for the whole dance or a span."""
+    """Changes of settings, for the whole dance or a span. The motion from `at` on is sent first."""
 
     changes: dict[str, Any]
     keep_locked: bool = True
+    at: Seconds | None = None
     from_s: Seconds | None = Field(default=None, alias="from")
     to_s: Seconds | None = Field(default=None, alias="to")
 

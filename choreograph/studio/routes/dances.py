@@ -5,14 +5,19 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
-from fastapi.responses import StreamingResponse
+from fastapi.responses import JSONResponse, StreamingResponse
 
 from choreograph.core.errors import ParameterError
+from choreograph.motion.motion import Motion
+from choreograph.render.first_part import FirstPart
+from choreograph.studio.facts import motion_data
+from choreograph.studio.jobs import Job
 from choreograph.studio.refusals import ConflictError
 from choreograph.studio.routes.bodies import LocksBody, Revised, SettingsBody
 from choreograph.studio.service import Service
 
 _LONGEST_WAIT_S = 1.0  # of a request, so that no thread of the server is long without other work
+_FIRST_S = 5.0  # of the dance that is sent first: longer than a page waits for the rest
 
 
 def router(service: Service) -> APIRouter:
@@ -20,18 +25,19 @@ def router(service: Service) -> APIRouter:
     made, desk = APIRouter(tags=["dance"]), service.desk
 
     @made.get("/api/state")
-    def state() -> dict[str, Any]:
+    def state() -> JSONResponse:
         """Everything that a page shows, apart from the motion, the mesh and the song."""
-        return service.state()
+        return JSONResponse(service.state())
 
     @made.get("/api/motion")
-    def motion(revision: Annotated[int | None, Query(ge=0)] = None) -> dict[str, Any]:
+    def motion(revision: Annotated[int | None, Query(ge=0)] = None) -> JSONResponse:
         """The motion of the dance, compressed as in the page of `choreograph dance`."""
         shown = desk.state
         desk.current()
         if shown.dance is None or (revision is not None and revision != shown.project.revision):
             raise ConflictError(f"expected the newest revision {shown.project.revision}, got {revision}")
-        return {"revision": shown.project.revision, **desk.motion_data()}
+        of = {"revision": shown.project.revision, "repertoire": shown.repertoire.path.name}
+        return JSONResponse(of | desk.motion_data())
 
     @made.get("/api/mesh")
     def mesh() -> dict[str, Any]:
@@ -47,13 +53,14 @@ def router(service: Service) -> APIRouter:
         if (body.from_s is None) != (body.to_s is None):
             raise ParameterError("expected both from and to, or none of them, got one")
         span = None if body.from_s is None or body.to_s is None else (body.from_s, body.to_s)
-        job = service.change(
-            "settings",
-            lambda job: desk.change_settings(
-                body.revision, body.changes, job.report, keep_locked=body.keep_locked, span=span
-            ),
-        )
-        return {"job": job.id}
+
+        def work(job: Job) -> None:
+            first = None if body.at is None else first_part(job, body.at, body.revision + 1)
+            desk.change_settings(
+                body.revision, body.changes, job.report, keep_locked=body.keep_locked, span=span, first=first
+            )
+
+        return {"job": service.change("settings", work).id}
 
     @made.post("/api/locks")
     def locks(body: LocksBody) -> dict[str, Any]:
@@ -74,13 +81,27 @@ def router(service: Service) -> APIRouter:
     return made
 
 
+def first_part(job: Job, at_s: float, revision: int) -> FirstPart:
+    """The part of a dance from a time on, which the job shows as the motion of a revision."""
+
+    def tell(motion: Motion, from_s: float) -> None:
+        job.show({"revision": revision, "from_s": from_s, **motion_data(motion)})
+
+    return FirstPart(at_s, at_s + _FIRST_S, tell)
+
+
 def _add_jobs(made: APIRouter, service: Service) -> None:
     @made.get("/api/jobs/{id}")
-    def job(id: str, wait: Annotated[float, Query(ge=0, le=_LONGEST_WAIT_S)] = 0.0) -> dict[str, Any]:
-        """The progress of a job, and its result once it is done, for which it waits at most `wait` s."""
+    def job(
+        id: str, wait: Annotated[float, Query(ge=0, le=_LONGEST_WAIT_S)] = 0.0, first: bool = False
+    ) -> JSONResponse:
+        """The progress of a job, and its result once it is done, for which it waits at most `wait` s.
+
+        With `first`, it waits for a first part of the result, and returns that part.
+        """
         found = service.jobs.get(id)
-        found.ended.wait(wait)
-        return found.facts
+        (found.begun if first else found.ended).wait(wait)
+        return JSONResponse(found.facts | ({"first": found.first} if first and found.first else {}))
 
     @made.delete("/api/jobs/{id}")
     def cancel(id: str) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 import { Camera } from "./camera.js";
 
 const SETTLED_MS = 120;
+const SPARED = 2; // of three frames
 
 export class Stage {
   // onFrame gets the time shown, after each frame. The renderer is null without WebGL 2.
@@ -13,6 +14,8 @@ export class Stage {
     this.lastAt = 0;
     this.frameRequested = false;
     this.still = false; // nothing moves: draw at full resolution
+    this.isSparing = () => false; // whether other work needs the processor, which draws without a graphics card
+    this.spared = 0; // frames since one was drawn
     new ResizeObserver(() => this.wake()).observe(canvas);
   }
 
@@ -22,6 +25,7 @@ export class Stage {
     if (this.camera) this.camera.look(dancer);
     else this.camera = new Camera(dancer);
     this.renderer?.show(dancer);
+    this.spared = SPARED; // it is seen at once
     this.wake();
   }
 
@@ -42,6 +46,13 @@ export class Stage {
     this.frameRequested = false;
     const { canvas, player, camera, renderer } = this;
     if (!player) return;
+    const sparing = renderer?.resolution?.slowMachine && player.playing && this.isSparing();
+    if (sparing && this.spared < SPARED) {
+      this.spared += 1;
+      this.#requestFrame();
+      return;
+    }
+    this.spared = 0;
     const elapsed = Math.min(0.1, at - this.lastAt);
     const running = this.lastAt > 0 && at - this.lastAt < 0.25;
     this.lastAt = at;
@@ -49,7 +60,7 @@ export class Stage {
     this.dancer.pose(time);
     const moving = camera.settle(elapsed);
     if (renderer) {
-      if (running && player.playing) renderer.resolution.reportFrameTime(elapsed);
+      if (running && player.playing && !sparing) renderer.resolution.reportFrameTime(elapsed);
       renderer.resize(this.still);
       renderer.draw(camera.at(time, canvas.width / canvas.height));
     }

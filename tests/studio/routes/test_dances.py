@@ -41,3 +41,25 @@ def test_a_job_is_waited_for_and_cancelled(client):
     for wait in ("2", "-1", "nan", "x"):
         assert client.get(f"/api/jobs/{job.id}?wait={wait}").status_code == 422
     assert client.http.delete("/api/jobs/none").status_code == 404
+
+
+def test_what_is_danced_from_the_playhead_on_comes_first(client):
+    reply = client.post("/api/settings", revision=1, changes={"seed": 2}, at=3.0)
+    job = client.get(f"/api/jobs/{reply.json()['job']}?wait=1&first=true").json()
+    while job["state"] == "running" and "first" not in job:
+        job = client.get(f"/api/jobs/{job['job']}?wait=1&first=true").json()
+    first = job["first"]
+    assert first["revision"] == 2 and first["from_s"] == 3.0 and first["facts"]["fps"] == 60
+    assert first["facts"]["frames"] == 300 and first["motion"]
+    ended = client.wait(reply)
+    assert ended["state"] == "done" and ended["result"] == {"revision": 2} and "first" not in ended
+    assert "first" not in client.get(f"/api/jobs/{job['job']}?wait=1").json()
+
+
+def test_nothing_comes_first_where_parts_are_kept_or_the_dance_has_ended(client):
+    for more in ({"at": 1e4}, {"at": 1.0, "from": 4.0, "to": 6.0}):
+        reply = client.post("/api/settings", revision=client.revision, changes={"seed": 3}, **more)
+        assert client.wait(reply)["state"] == "done"
+        job = client.get(f"/api/jobs/{reply.json()['job']}?wait=1&first=true").json()
+        assert job["state"] == "done" and "first" not in job
+    assert client.post("/api/settings", revision=3, changes={}, at=-1.0).status_code == 422

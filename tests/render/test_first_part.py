@@ -1,0 +1,59 @@
+"""The first part of a dance is that of the finished dance up to floor and feet, and it changes nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from choreograph.core.numerics import Memory
+from choreograph.motion.body import body_pos_m
+from choreograph.pipeline.dancing import dance_with
+from choreograph.render.first_part import FirstPart, part_of_plan
+from choreograph.render.rendering import render_planned
+
+LENGTH_S = 3.0
+
+
+@pytest.fixture(scope="module")
+def dance(song, repertoire):
+    made = dance_with(Memory(10**7), song, repertoire)
+    amplitudes = tuple(np.linspace(0.6, 1.0, len(made.plan.seconds)).round(2).tolist())
+    plan = replace(made.plan, amplitudes=amplitudes, stops_s=((5.0, 6.9),))
+    return replace(made, plan=plan, motion=render_planned(plan, repertoire))
+
+
+def shown(dance, repertoire, start_s: float, end_s: float):
+    """What is told of a part, and the whole dance that is rendered with it."""
+    told = []
+    first = FirstPart(start_s, end_s, lambda motion, from_s: told.append((motion, from_s)))
+    whole = render_planned(dance.plan, repertoire, first=first)
+    return told, whole
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.3, 2.2, 4.0, 6.0, 7.5, 9.0, 11.5])
+def test_a_part_is_that_of_the_whole_dance(dance, repertoire, start_s):
+    told, whole = shown(dance, repertoire, start_s, start_s + LENGTH_S)
+    assert whole.local_quat.tobytes() == dance.motion.local_quat.tobytes()
+    assert whole.root_pos_m.tobytes() == dance.motion.root_pos_m.tobytes()
+    [(part, from_s)] = told
+    first = round(start_s * part.fps)
+    assert from_s == pytest.approx(first / part.fps)
+    assert part.n_frames == min(round(LENGTH_S * part.fps), whole.n_frames - first)
+    same = whole.sliced(first, first + part.n_frames)
+    apart_m = np.linalg.norm(body_pos_m(part) - body_pos_m(same), axis=-1)
+    assert apart_m.mean() < 2e-3 and apart_m.max() < 0.03
+    assert np.abs(part.root_pos_m - same.root_pos_m).max() < 5e-3
+
+
+def test_nothing_is_told_beyond_the_end(dance, repertoire):
+    told, whole = shown(dance, repertoire, 100.0, 105.0)
+    assert told == [] and whole.local_quat.tobytes() == dance.motion.local_quat.tobytes()
+
+
+def test_held_poses_of_a_part_of_a_plan_have_its_times(dance):
+    part = part_of_plan(dance.plan, 2, 8.0)
+    assert part.opening_s == max(0.0, dance.plan.opening_s - 2)
+    assert part.stops_s == ((3.0, 4.9),) and part.amplitudes == dance.plan.amplitudes[2:]
+    assert part_of_plan(dance.plan, 6, 4.0).stops_s == ()

@@ -1,0 +1,70 @@
+"""The part of a changed dance near the playhead plays before the rest is there, or is taken back."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from studio_pages import opening, shown, until
+
+pytestmark = pytest.mark.slow
+
+
+def playing(page) -> int:
+    """Play from 4 s on with the settings open. Returns the revision."""
+    shown(page)
+    page.evaluate("studio.seek(4)")
+    page.keyboard.press("Space")
+    until(page, "studio.playing && studio.time > 4.1")
+    page.click("#tab-settings")
+    return page.evaluate("studio.revision")
+
+
+def roll(page, playing_s: float = 4.0) -> None:
+    page.evaluate(f"studio.seek({playing_s})")
+    page.click("#roll")
+
+
+def test_the_part_plays_before_the_motion_and_the_state(danced, browser):
+    with opening(browser, danced) as page:
+        revision = playing(page)
+        waiting = []
+        page.route("**/api/motion?*", waiting.append)
+        before = page.evaluate("studio.playedSince")
+        roll(page)
+        until(page, "studio.part !== null")
+        part = page.evaluate("studio.part")
+        assert 4.0 <= part["from"] < 4.5 and part["to"] - part["from"] == pytest.approx(5.0, abs=0.1)
+        page.evaluate(f"studio.seek({part['from'] + 0.2})")
+        until(page, f"studio.playedSince > {before}")
+        played = page.evaluate("studio.playedSince")
+        assert page.evaluate("studio.revision") == revision  # the page does not know the new state yet
+        while not waiting:
+            page.wait_for_timeout(20)
+        waiting.pop().continue_()
+        shown(page, f"studio.revision === {revision + 1} && studio.part === null")
+        assert page.evaluate("studio.playedSince") == played  # it is the same dance
+        assert page.evaluate("performance.getEntriesByType('resource')"
+                             ".filter((e) => /motion.revision/.test(e.name)).length") <= 2  # fmt: skip
+        page.click("#undo")
+        shown(page, f"studio.revision === {revision + 2}")
+
+
+def test_a_part_of_a_dance_that_is_not_made_is_taken_back(danced, browser):
+    with opening(browser, danced) as page:
+        revision = playing(page)
+
+        def cancelled(route) -> None:
+            answer = route.fetch()
+            found = answer.json()
+            if "first" not in found:
+                found["state"] = "cancelled"
+            route.fulfill(response=answer, body=json.dumps(found))
+
+        page.route("**/api/jobs/*", cancelled)
+        page.evaluate(
+            "window.parts = []; setInterval(() => { if (studio.part) parts.push(studio.part); }, 1)"
+        )
+        roll(page)
+        until(page, "!studio.busy && parts.length && studio.part === null")
+        assert page.evaluate("[studio.revision, studio.shownRevision]") == [revision, revision]
