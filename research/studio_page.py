@@ -111,7 +111,7 @@ def _print(studio: Any, what: str, found: list[dict[str, Any]]) -> None:
     sent_kb = [sum(size for *_, size in one["requests"]) / 1000 for one in found]
     print(
         f"  {what}: median {np.median(plays_s):.2f} s, longest {plays_s.max():.2f} s, and the server has "
-        f"sent all {np.median(sent_kb):.0f} kB after {np.median(answered_s):.2f} s",
+        f"sent what plays, {np.median(sent_kb):.0f} kB, after {np.median(answered_s):.2f} s",
         flush=True,
     )
 

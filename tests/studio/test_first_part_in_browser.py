@@ -20,18 +20,14 @@ def playing(page) -> int:
     return page.evaluate("studio.revision")
 
 
-def roll(page, playing_s: float = 4.0) -> None:
-    page.evaluate(f"studio.seek({playing_s})")
-    page.click("#roll")
-
-
 def test_the_part_plays_before_the_motion_and_the_state(danced, browser):
     with opening(browser, danced) as page:
         revision = playing(page)
         waiting = []
-        page.route("**/api/motion?*", waiting.append)
+        page.route("**/api/motion?*", lambda route: waiting.append(route))
         before = page.evaluate("studio.playedSince")
-        roll(page)
+        page.evaluate("studio.seek(4)")
+        page.click("#roll")
         until(page, "studio.part !== null")
         part = page.evaluate("studio.part")
         assert 4.0 <= part["from"] < 4.5 and part["to"] - part["from"] == pytest.approx(5.0, abs=0.1)
@@ -46,6 +42,7 @@ def test_the_part_plays_before_the_motion_and_the_state(danced, browser):
         assert page.evaluate("studio.playedSince") == played  # it is the same dance
         assert page.evaluate("performance.getEntriesByType('resource')"
                              ".filter((e) => /motion.revision/.test(e.name)).length") <= 2  # fmt: skip
+        page.unroute("**/api/motion?*")
         page.click("#undo")
         shown(page, f"studio.revision === {revision + 2}")
 
@@ -54,17 +51,23 @@ def test_a_part_of_a_dance_that_is_not_made_is_taken_back(danced, browser):
     with opening(browser, danced) as page:
         revision = playing(page)
 
+        seen = []
+
         def cancelled(route) -> None:
             answer = route.fetch()
             found = answer.json()
-            if "first" not in found:
+            if seen:
                 found["state"] = "cancelled"
+            seen.extend([found["first"]] if "first" in found else [])
             route.fulfill(response=answer, body=json.dumps(found))
 
         page.route("**/api/jobs/*", cancelled)
         page.evaluate(
             "window.parts = []; setInterval(() => { if (studio.part) parts.push(studio.part); }, 1)"
         )
-        roll(page)
+        slider = page.locator("[data-weight=energy]")
+        slider.focus()
+        page.evaluate("studio.seek(4)")
+        slider.press("End")
         until(page, "!studio.busy && parts.length && studio.part === null")
         assert page.evaluate("[studio.revision, studio.shownRevision]") == [revision, revision]
