@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from choreograph.characters.performance import Performance, perform
+from choreograph.characters.performance import Performance, leg_m, perform
 from choreograph.core.arguments import check_kind, check_text
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path
@@ -53,6 +53,11 @@ class GltfCharacter:
     skin: SkinPoints
 
     __repr__ = one_line
+
+    @property
+    def leg_m(self) -> float:
+        """The mean length of both legs, from hip to ankle along the bones."""
+        return sum(leg_m(self.rig, self.bones, side) for side in ("left", "right")) / 2
 
     def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
         """The document with a dance of the character as its only animation.

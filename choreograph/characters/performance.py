@@ -171,14 +171,14 @@ def _soles(
         if bends:
             points_m = [ankle_m, rig.bind_pos_m[bones[f"{side}_foot"]]]
         else:
-            along_m = _leg_m(rig, bones, side) * rot.rotate(_facing(rig, bones), _FRONT)
+            along_m = leg_m(rig, bones, side) * rot.rotate(_facing(rig, bones), _FRONT)
             points_m = [ankle_m + share * along_m for share in (0.0, _BALL_AHEAD, _TIP_AHEAD)]
         parents += [joint_of[ankle]] * len(points_m)
         tips.append(sole_offsets_m(ankle_m, points_m, rig.floor_m))
     return np.array(parents), np.concatenate(tips)
 
 
-def _leg_m(rig: Rig, bones: Mapping[str, int], side: str) -> float:
+def leg_m(rig: Rig, bones: Mapping[str, int], side: str) -> float:
     """Length of a leg along its bones in the bind pose."""
     hip, knee, ankle = (rig.bind_pos_m[bones[f"{side}_{part}"]] for part in ("hip", "knee", "ankle"))
     return float(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee))

@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from choreograph.choreography.formations import eye_of, in_windows
+from choreograph.core.counts import counts_later_s
 from choreograph.core.numerics import Floats
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.motion import Motion
@@ -36,6 +37,8 @@ _RADIUS_M = 0.09  # of all other joints
 _HIDDEN_M = 0.22  # from the middle of a body to the line of sight past the middle of another one
 _ASIDE_M = 0.12  # step of a dancer who is hidden
 _IN_FRONT_M = 0.3
+_CHANGE_COUNTS = 12  # before a border, in which dancers go to another formation
+_SHORTEST_S = 2.0  # between two times at which dancers are at places
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +58,32 @@ class Knot:
     in_metres: bool  # or in spacings
     same: bool = True  # as the formation before, in which each dancer keeps its place
     on_way: bool = False  # half-way to the next formation: only there to keep dancers apart
+
+
+def formation_knots(
+    starts_s: Sequence[float],
+    formed: Sequence[str],
+    places: dict[str, tuple[Floats, bool]],
+    beats_s: Sequence[float],
+    end_s: float,
+) -> list[Knot]:
+    """A knot at each border and at the end of a dance, from the name of the formation from each border on.
+
+    `places` has by name the places of a formation, and whether they are in metres. Before another formation,
+    there is a knot from which dancers go to it.
+    """
+    knots: list[Knot] = []
+    for index, (time_s, name) in enumerate(zip(starts_s, formed, strict=True)):
+        before = formed[index - 1] if index else name
+        if name != before:
+            leaves_s = float(counts_later_s(beats_s, time_s, -_CHANGE_COUNTS))
+            if leaves_s > knots[-1].time_s + _SHORTEST_S:
+                knots.append(Knot(leaves_s, *places[before]))
+            knots.append(Knot(0.5 * (knots[-1].time_s + time_s), *places[before], on_way=True))
+        knots.append(Knot(time_s, *places[name], same=name == before))
+    if end_s - knots[-1].time_s > _SHORTEST_S:
+        knots.append(Knot(end_s, *places[formed[-1]]))
+    return knots
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from choreograph.cli.dance_options import CAMERA_MODES
 from choreograph.cli.present import (
     Command,
     Seconds,
@@ -29,6 +30,7 @@ from choreograph.settings import DanceConfig, engine_names
 
 if TYPE_CHECKING:
     from choreograph.cli.present import Stages
+    from choreograph.motion.cameras import CameraMode
     from choreograph.pipeline.scenes import Scene
 
 _FILE = click.Path(path_type=Path)
@@ -37,6 +39,7 @@ _WITH_PLAN = (
     "--db",
     "--output",
     "--character",
+    "--camera",
     "--force",
     "--open",
     "--json",
@@ -53,6 +56,7 @@ _WITH_PLAN = (
         "choreograph scene song.mp3 --dancers 8 --formation line --formation chorus=circle",
         "choreograph scene song.mp3 --relation canon:4 --relation 'bar 17=unison' -o a.bvh",
         "choreograph scene song.mp3 --relation free --genre house --genre salsa -o scene.json",
+        "choreograph scene song.mp3 --dancers 3 --camera cuts -o a.mp4     shots that change at phrases",
         "choreograph scene song.mp3 --plan scene.json -o a.bvh             renders it again",
     ),
 )
@@ -71,6 +75,10 @@ _WITH_PLAN = (
 @click.option(
     "--character", multiple=True, type=_FILE, help="Character of each dancer in turn, in a .glb or .fbx each."
 )
+@click.option(
+    "--camera", type=click.Choice(CAMERA_MODES),
+    help="Film all from the audience, follow them, or cut on phrases (.html, .mp4, .glb, .usda).",
+)  # fmt: skip
 @click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire. Repeatable.")
 @click.option("--start", type=SongTime(), help="Where in the song to begin: 75.5, bar 9 or chorus 2 (0).")
 @click.option("--duration", type=Seconds(), help="Length of the dance (to the end of the song).")
@@ -94,6 +102,7 @@ def command(
     song: Path | None,
     plan_path: Path | None,
     output: tuple[Path, ...],
+    camera: CameraMode | None,
     force: bool,
     opened: bool,
     as_json: bool,
@@ -104,6 +113,7 @@ def command(
 
     No two bodies come nearer than 0.6 m. The dancers come to their places at the borders of phrases.
     """
+    from choreograph.pipeline.saving import options_used
     from choreograph.pipeline.scene_saving import scene_paths
 
     named = song or plan_path
@@ -114,11 +124,11 @@ def command(
     check_apart(output, input_files(except_for=("output",)))  # before the plan is read
     n_dancers = _n_dancers(options["dancers"], plan_path)
     outputs, notes = _outputs(named, output, n_dancers, force=force, opened=opened)
-    _check(outputs, n_dancers, bool(options["character"]))
+    _check(outputs, n_dancers, bool(options["character"]), camera)
     with nullcontext(StageLines()) if as_json and not quiet else stages(quiet=quiet) as shown:
         made = _made(song, plan_path, options, shown)
         for path in outputs:
-            made.save(path, report=shown.report)
+            made.save(path, **options_used(path, {"camera": camera}), report=shown.report)
     characters = bool(options["character"])
     n_made = len(made.dancers)
     files = [one for path in outputs for one in scene_paths(path, n_made, characters=characters)]
@@ -176,9 +186,11 @@ def _outputs(
     return (*given, *free), (f"files of these names are kept: the scene is written to {free[0].stem}",)
 
 
-def _check(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) -> None:
-    """Raise before any work if a file cannot be written, is an input, or cannot hold the characters."""
-    from choreograph.pipeline.saving import format_of
+def _check(
+    outputs: tuple[Path, ...], n_dancers: int, has_characters: bool, camera: CameraMode | None
+) -> None:
+    """Raise before any work if a file cannot be written, is an input, or none can hold what is asked for."""
+    from choreograph.pipeline.saving import format_of, used_by
     from choreograph.pipeline.scene_saving import check_scene_outputs, scene_paths
 
     check_scene_outputs(outputs, n_dancers, characters=has_characters)
@@ -188,6 +200,8 @@ def _check(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) -> N
     held = [path for path in outputs if format_of(path) in ("glb", "fbx")]
     if has_characters and not held:
         raise ParameterError(f"expected .glb or .fbx for --character, got {outputs[0]}: add -o NAME.glb")
+    if camera is not None and not any(format_of(path) in used_by("camera") for path in outputs):
+        raise ParameterError(f"expected .html, .mp4, .glb or .usda for --camera, got {outputs[0]}")
 
 
 def _made(

@@ -102,10 +102,12 @@ def dance_stage(motion: Motion) -> Usd.Stage:
     return stage
 
 
-def scene_stage(motions: Sequence[Motion], names: Sequence[str]) -> Usd.Stage:
+def scene_stage(
+    motions: Sequence[Motion], names: Sequence[str], camera: CameraPath | None = None
+) -> Usd.Stage:
     """Several dancers on one stage in memory, each as by `dance_stage` under a prim of its name.
 
-    `motions` have one length and rate.
+    `motions` have one length and rate. The `camera` films them.
     """
     from pxr import Gf, Sdf, Usd, UsdGeom
 
@@ -125,6 +127,8 @@ def scene_stage(motions: Sequence[Motion], names: Sequence[str]) -> Usd.Stage:
             shader = stage.GetPrimAtPath(f"{path}/Materials/{part}/Surface")
             if shader:
                 shader.GetAttribute("inputs:diffuseColor").Set(Gf.Vec3f(*colour.tolist()))
+    if camera is not None:
+        _add_camera(stage, camera, motions[0].fps)
     return stage
 
 

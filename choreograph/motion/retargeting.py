@@ -321,6 +321,11 @@ def _leg_m(pos: Floats, roles: dict[str, int]) -> float:
     return float(np.linalg.norm(np.diff(pos[:, chain], axis=2), axis=-1).sum(axis=-1).mean())
 
 
+def leg_length_m(skeleton: Skeleton) -> float:
+    """Mean length of both legs of a skeleton, hip to ankle along the bones. Raises as `joint_roles`."""
+    return _leg_m(skeleton.rest_pos_m()[None], joint_roles(skeleton))
+
+
 def _unit(vector: Floats) -> Floats:
     unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
     return unit

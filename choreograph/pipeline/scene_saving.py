@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.formats.glb import as_dance, scene_document
+from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.usd import export_stage, scene_stage
-from choreograph.pipeline.saving import SavedParts, check_outputs, format_of, save_dance, save_document
+from choreograph.motion.cameras import CameraMode, CameraPath, plan_cameras
+from choreograph.pipeline.saving import (
+    SavedParts,
+    check_options,
+    check_outputs,
+    format_of,
+    save_dance,
+    save_document,
+)
 
 if TYPE_CHECKING:
-    from choreograph.pipeline.scenes import Scene
+    from choreograph.pipeline.scenes import Dancer, Scene
 
 _TOGETHER = (
     "html",
@@ -44,36 +54,54 @@ def check_scene_outputs(paths: Sequence[str | Path], n_dancers: int, *, characte
 
 
 def save_scene(
-    scene: Scene, path: Path, *, with_clicks: bool = False, report: ProgressReport | None = None
+    scene: Scene,
+    path: Path,
+    *,
+    with_clicks: bool = False,
+    camera: CameraMode | None = None,
+    report: ProgressReport | None = None,
 ) -> None:
     """Write a scene to `path` by its suffix. Raises as `Scene.save`."""
     n_dancers, suffix = len(scene.dancers), format_of(path)
     characters = any(dancer.character is not None for dancer in scene.dancers)
     check_scene_outputs([path], n_dancers, characters=characters)
+    check_options(path, {"camera": camera})
+    plan = scene.plan.dances[0]
+    filmed = None if camera is None else plan_cameras(scene.motions, camera, plan.phrase_borders_s)
     paths = scene_paths(path, n_dancers, characters=characters)
     check_apart(paths, [scene.song_path] if scene.song_path is not None else [])
     if suffix == "json":
         with atomic_path(path) as temporary:
             temporary.write_text(scene.plan.to_json(), encoding="utf-8")
     elif len(paths) == n_dancers:
+        used = suffix in (*_WITH_CHARACTERS, "html")
         for dancer, own in zip(scene.dancers, paths, strict=True):
-            used = suffix in (*_WITH_CHARACTERS, "html")
-            click = with_clicks and suffix == "mp4"
-            dancer.dance.save(own, character=dancer.character if used else None, click=click, report=report)
+            parts = _parts(scene, dancer, with_clicks and suffix == "mp4", filmed)
+            save_dance(own, replace(parts, character=dancer.character if used else None), report)
     elif suffix == "html":
-        _save_page(scene, path, report)
+        _save_page(scene, path, filmed, report)
     elif suffix in _WITH_CHARACTERS:
         names = [dancer.name for dancer in scene.dancers]
-        save_document(path, as_dance(scene_document(scene.motions, names)))
+        document = scene_document(scene.motions, names)
+        save_document(path, as_dance(document if filmed is None else with_camera(document, filmed)))
     elif suffix in ("usda", "usdc"):
         names = [dancer.name for dancer in scene.dancers]
         with atomic_path(path) as temporary:
-            export_stage(scene_stage(scene.motions, names), temporary)
+            export_stage(scene_stage(scene.motions, names, filmed), temporary)
     else:
-        _save_pictures(scene, path, with_clicks, report)
+        parts = _parts(scene, scene.dancers[0], with_clicks, filmed)
+        save_dance(path, replace(parts, others=scene.motions[1:]), report)
 
 
-def _save_page(scene: Scene, path: Path, report: ProgressReport | None) -> None:
+def _parts(scene: Scene, dancer: Dancer, with_clicks: bool, filmed: CameraPath | None) -> SavedParts:
+    """What is saved of one dancer."""
+    dance = dancer.dance
+    return SavedParts(
+        dance.motion, dance.plan, lambda: dance.motion_beats_s, scene.song_path, with_clicks, camera=filmed
+    )
+
+
+def _save_page(scene: Scene, path: Path, filmed: CameraPath | None, report: ProgressReport | None) -> None:
     from choreograph.view.page import write_page
 
     if report is not None:
@@ -81,15 +109,6 @@ def _save_page(scene: Scene, path: Path, report: ProgressReport | None) -> None:
     leader = scene.dancers[0].dance
     write_page(
         path, leader.motion, leader.plan, song_path=scene.song_path,
-        motion_beats_s=leader.motion_beats_s, others=scene.motions[1:],
+        motion_beats_s=leader.motion_beats_s, others=scene.motions[1:], camera=filmed,
         report=substage(report, "writing the page"),
     )  # fmt: skip
-
-
-def _save_pictures(scene: Scene, path: Path, with_clicks: bool, report: ProgressReport | None) -> None:
-    leader = scene.dancers[0].dance
-    parts = SavedParts(
-        leader.motion, leader.plan, lambda: leader.motion_beats_s, scene.song_path, with_clicks,
-        others=scene.motions[1:],
-    )  # fmt: skip
-    save_dance(path, parts, report)

@@ -18,9 +18,9 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.choreography.stage_paths import (
     LEAST_GAP_M,
     MARGIN_M,
-    Knot,
     StageBody,
     StagePaths,
+    formation_knots,
     least_gap_m,
     plan_paths,
 )
@@ -33,13 +33,15 @@ from choreograph.core.arguments import (
     is_whole,
     unexpected,
 )
-from choreograph.core.counts import counts_later_s
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport, counted
 from choreograph.library.repertoire import Repertoire
+from choreograph.motion.cameras import CameraMode
 from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import leg_length_m
+from choreograph.motion.skeleton import Skeleton
 from choreograph.music.places import Places
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
@@ -47,12 +49,10 @@ from choreograph.pipeline.dancing import DEFAULTS, Dance
 from choreograph.pipeline.session import Session
 from choreograph.render.rendering import render
 from choreograph.render.scene import DancedParts, of_height, on_stage, render_scene
-from choreograph.scene_plan import MOST_DANCERS, DancerPart, PlannedDancer, ScenePlan
+from choreograph.scene_plan import HEIGHTS, MOST_DANCERS, DancerPart, PlannedDancer, ScenePlan
 from choreograph.settings import DanceConfig, DanceSettings, as_config
 
 _HEIGHTS = (1.0, 0.96, 1.04, 0.98, 1.02, 0.94)  # of the bodies of pairs, from the leader's on
-_CHANGE_COUNTS = 12  # before a border, in which dancers go to another formation
-_SHORTEST_S = 2.0  # between two times at which dancers are at places
 _HIDDEN_BARS = 2
 _MOST_TRIES = 6  # to keep the finished bodies apart, whose feet may stay behind
 _USUAL_BAR_S = 2.0  # of a song without bars
@@ -119,7 +119,14 @@ class Scene:
         return tuple(dancer.dance.motion for dancer in self.dancers)
 
     @default_numerics()
-    def save(self, path: str | Path, *, click: bool = False, report: ProgressReport | None = None) -> None:
+    def save(
+        self,
+        path: str | Path,
+        *,
+        click: bool = False,
+        camera: CameraMode | None = None,
+        report: ProgressReport | None = None,
+    ) -> None:
         """Write the scene to a file. The suffix selects the format.
 
         .glb, .fbx, .usda and .usdc hold all bodies, .html is a page with all dancers, .mp4 a video, .png
@@ -130,17 +137,19 @@ class Scene:
         ----------
         path : the file to write
         click : mix a click on every count into the sound of a video
+        camera : "front", "follow" or "cuts", which changes at phrases, in a page, video, GLB or USD file. It
+            shows all dancers, but for close shots of one of them
         report : called with the name of the stage, the work done so far, and all the work
 
-        Raises `ParameterError` for another suffix, a folder that does not exist, or a character that the
-        format cannot hold. Raises `FormatError` if the song cannot be read.
+        Raises `ParameterError` for another suffix, a folder that does not exist, or a character or camera
+        that the format cannot hold. Raises `FormatError` if the song cannot be read.
         """
         from choreograph.pipeline.scene_saving import save_scene
 
         path = as_path("a file to write", path)
         check_kind("click", click, bool)
         check_function("report", report)
-        save_scene(self, path, with_clicks=click, report=report)
+        save_scene(self, path, with_clicks=click, camera=camera, report=report)
 
     def __repr__(self) -> str:
         song = reprlib.repr(self.plan.dances[0].song)
@@ -177,7 +186,8 @@ def scene(
     relation : unison, mirror, canon:N with N counts from pair to pair, call-and-response, or free, in which
         each dancer has a dance with a seed of its own. In a list, "WHEN=RELATION" is for a part of the song
     genre : the genre to dance, or one for each dancer in free relation. They take turns if there are fewer
-    characters : files, or results of `read_character`. Dancers take turns if there are fewer
+    characters : files, or results of `read_character`. Dancers take turns if there are fewer. They keep their
+        own sizes, and their steps are as long
 
     Raises as `dance`, and `ParameterError` for another formation or relation, or a part that the song does
     not have.
@@ -217,7 +227,8 @@ def scene(
         session.song, session.repertoire, beats=beats, genre=genres[0] if genres else None,
         keep=settings.get("cache", config.cache), memory=session._memory,
     )  # fmt: skip
-    plan, notes = _planned(dances, features, names, formations, checked, relations)
+    heights = _heights(len(names), known, dances[0].motion.skeleton)
+    plan, notes = _planned(dances, features, names, heights, formations, checked, relations)
     motions = render_scene(plan, [one.motion for one in dances])
     notes = tuple(dict.fromkeys((*(note for one in dances for note in one.notes), *notes)))
     return _scene_of(plan, motions, known, notes, session.song.path)
@@ -292,10 +303,25 @@ def _genres(genre: object, relations: Sequence[Scheduled[Relation]]) -> tuple[st
     return genres
 
 
+def _heights(n: int, characters: Sequence[GltfCharacter], skeleton: Skeleton) -> list[float]:
+    """The heights of the bodies, relative to the skeleton: those of characters, whose steps then fit."""
+    if not characters:
+        return [_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)] for index in range(n)]
+    sizes = [character.leg_m / leg_length_m(skeleton) for character in characters]
+    for character, size in zip(characters, sizes, strict=True):
+        if not HEIGHTS[0] <= size <= HEIGHTS[1]:
+            raise ParameterError(
+                f"{character.document.name}: expected a character of {HEIGHTS[0]:g} to {HEIGHTS[1]:g} times "
+                f"the size of the takes, got {size:.2f}: is it in centimetres?"
+            )
+    return [round(sizes[index % len(sizes)], 4) for index in range(n)]
+
+
 def _planned(
     dances: Sequence[Dance],
     features: SongFeatures,
     names: Sequence[str],
+    heights: Sequence[float],
     formations: Sequence[Scheduled[str]],
     places: dict[str, tuple[np.ndarray, bool]],
     relations: Sequence[Scheduled[Relation]],
@@ -313,12 +339,11 @@ def _planned(
     middles_s = [start_s + 0.01 for start_s in starts_s]
     related = [value_at(relations, time_s, found, end_s) for time_s in middles_s]
     formed = [value_at(formations, time_s, found, end_s) for time_s in middles_s]
-    knots = _knots(starts_s, formed, places, leader.music_beats_s, end_s)
+    knots = formation_knots(starts_s, formed, places, leader.music_beats_s, end_s)
     all_parts = [
         dancer_parts(index, n, related, bounds_s, leader.music_beats_s, leader.opening_s)
         for index in range(n)
     ]
-    heights = [_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)] for index in range(n)]
     bodies = _bodies(all_parts, heights, dances)
     bars_s = np.diff(features.counts.downbeat_times_s)
     bar_s = float(np.median(bars_s)) if len(bars_s) else _USUAL_BAR_S
@@ -373,25 +398,3 @@ def _bodies(
             one = known[parts]
             made[parts, height] = StageBody(of_height(one.motion, height), one.contacts)
     return [made[pair] for pair in zip(all_parts, heights, strict=True)]
-
-
-def _knots(
-    starts_s: Sequence[float],
-    formed: Sequence[str],
-    places: dict[str, tuple[np.ndarray, bool]],
-    beats_s: Sequence[float],
-    end_s: float,
-) -> list[Knot]:
-    """A knot at each border and at the end. Before another formation, one from which dancers go to it."""
-    knots: list[Knot] = []
-    for index, (time_s, name) in enumerate(zip(starts_s, formed, strict=True)):
-        before = formed[index - 1] if index else name
-        if name != before:
-            leaves_s = float(counts_later_s(beats_s, time_s, -_CHANGE_COUNTS))
-            if leaves_s > knots[-1].time_s + _SHORTEST_S:
-                knots.append(Knot(leaves_s, *places[before]))
-            knots.append(Knot(0.5 * (knots[-1].time_s + time_s), *places[before], on_way=True))
-        knots.append(Knot(time_s, *places[name], same=name == before))
-    if end_s - knots[-1].time_s > _SHORTEST_S:
-        knots.append(Knot(end_s, *places[formed[-1]]))
-    return knots

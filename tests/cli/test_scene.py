@@ -46,6 +46,7 @@ def test_files_of_others_are_kept_unless_forced(asked):
         (("--relation", "canon:x"), "expected a relation among"),
         (("--genre", "a", "--genre", "b"), "expected one genre unless dancers are free"),
         (("-o", "a.xyz"), "expected a format among"),
+        (("--camera", "cuts", "-o", "a.bvh"), "expected .html, .mp4, .glb or .usda for --camera"),
         (("--character", "gone.glb", "-o", "a.bvh"), "expected .glb or .fbx for --character"),
         (("-o", "a.bvh", "-o", "a-1.bvh", "-o", "./a.bvh"), "expected a file of its own"),
     ],

@@ -9,6 +9,7 @@ import jsonschema
 import numpy as np
 import pytest
 from PIL import Image
+from synthetic_characters import VRM, Spec, write_character
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
@@ -16,8 +17,12 @@ from choreograph.core.counts import counts_later_s
 from choreograph.evaluation.metrics import scene as of_scene
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.formats.gltf_files import read_gltf
+from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
+from choreograph.motion.cameras import plan_cameras
 from choreograph.motion.mirroring import mirrored_motion
+from choreograph.motion.retargeting import leg_length_m
+from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.pipeline.scene_saving import scene_paths
 
 SCHEMA = json.loads(
@@ -233,3 +238,80 @@ def test_bodies_that_cannot_be_kept_apart_are_noted(song, repertoire, monkeypatc
     monkeypatch.undo()
     scene = cg.scene(song, repertoire, dancers=2, duration_s=6, **SETTINGS)
     assert not any("bodies come" in note for note in scene.notes)
+
+
+def pelvis_way_m(character, motion):
+    """The way (T, 2) of the pelvis of a character that dances a motion, on the ground."""
+    document = character.dancing(motion)
+    (animation,) = document.json["animations"]
+    node = character.nodes[character.bones["pelvis"]]
+    (channel,) = [
+        c for c in animation["channels"] if c["target"] == {"node": node, "path": "translation"}
+    ]  # fmt: skip
+    return document.array(animation["samplers"][channel["sampler"]]["output"])[:, [0, 2]]
+
+
+def test_characters_of_other_sizes_are_at_their_places(song, repertoire, tmp_path):
+    sizes = (0.6, 1.2)
+    for size in sizes:
+        write_character(tmp_path / f"{size}.glb", Spec(VRM, size=size, along="", vrm=True))
+    files = [tmp_path / f"{size}.glb" for size in sizes]
+    scene = cg.scene(song, repertoire, dancers=2, characters=files, duration_s=8, **SETTINGS)
+    legs_m = leg_length_m(repertoire.skeleton)
+    for dancer, planned, size in zip(scene.dancers, scene.plan.dancers, sizes, strict=True):
+        character = dancer.character
+        assert planned.height == pytest.approx(character.leg_m / legs_m, abs=1e-3)
+        assert character.leg_m == pytest.approx(size * leg_length_m(canonical_skeleton()), rel=0.02)
+        apart_m = pelvis_way_m(character, dancer.dance.motion) - dancer.dance.motion.root_pos_m[:, [0, 2]]
+        assert np.linalg.norm(apart_m, axis=1).max() < 0.08 * size
+    scene.save(tmp_path / "a.glb", camera="front")  # one for each
+    assert {"a-1.glb", "a-2.glb"} <= {path.name for path in tmp_path.iterdir()}
+    write_character(tmp_path / "giant.glb", Spec(VRM, size=3.0, along="", vrm=True))
+    with pytest.raises(cg.ParameterError, match=r"giant.glb: expected a character of 0.5 to 2 times"):
+        cg.scene(song, repertoire, dancers=2, characters=[tmp_path / "giant.glb"], duration_s=4, **SETTINGS)
+
+
+def test_a_camera_films_all_dancers_in_a_glb(made, tmp_path):
+    """Read back: cuts on phrases, and every joint of every dancer in the picture of wide shots."""
+    scene = made(4, CHANGES, ("call-and-response", "10-20=mirror"))
+    scene.save(tmp_path / "a.glb", camera="cuts")
+    path = plan_cameras(scene.motions, "cuts", scene.plan.dances[0].phrase_borders_s)
+    assert {shot.name for shot in path.shots} >= {"wide"} and path.cuts_s
+    document = read_gltf(tmp_path / "a.glb")
+    (node,) = [index for index, one in enumerate(document.json["nodes"]) if "camera" in one]
+    (animation,) = document.json["animations"]
+    found = {c["target"]["path"]: c["sampler"] for c in animation["channels"] if c["target"]["node"] == node}
+    at, turned = (animation["samplers"][found[path]] for path in ("translation", "rotation"))
+    times_s, eyes_m = (np.asarray(document.array(at[key]), np.float64) for key in ("input", "output"))
+    quat = np.roll(np.asarray(document.array(turned["output"]), np.float64), 1, axis=1)
+    np.testing.assert_allclose(times_s.ravel(), path.keys[0], atol=1e-4)
+    lens = document.json["cameras"][0]["perspective"]
+    high = np.tan(lens["yfov"] / 2)
+    for shot in path.shots:
+        if shot.name != "wide":
+            continue
+        key = int(np.abs(times_s.ravel() - shot.start_s).argmin())
+        frames = slice(int(shot.start_s * 60), int(shot.end_s * 60))
+        points_m = np.concatenate([one.joint_pos_m()[frames].reshape(-1, 3) for one in scene.motions])
+        seen = rot.rotate(rot.invert(quat[key]), points_m - eyes_m[key])  # the camera looks along -Z
+        assert (seen[:, 2] < 0).all()
+        assert np.abs(seen[:, 1] / -seen[:, 2]).max() < high
+        assert np.abs(seen[:, 0] / -seen[:, 2]).max() < high * lens["aspectRatio"]
+
+
+def test_a_camera_is_in_page_video_and_usd_and_refused_elsewhere(made, tmp_path, monkeypatch):
+    usd = pytest.importorskip("pxr.Usd")
+    scene = made(3)
+    scene.save(tmp_path / "a.html", camera="follow")
+    assert '"shots":[{"name":"follow"' in (tmp_path / "a.html").read_text().replace(" ", "")
+    scene.save(tmp_path / "a.usda", camera="front")
+    assert usd.Stage.Open(str(tmp_path / "a.usda")).GetPrimAtPath("/Dance/Camera").IsValid()
+    filmed = []
+    monkeypatch.setattr("choreograph.view.video.write_video", lambda *_, **given: filmed.append(given))
+    scene.save(tmp_path / "a.mp4", camera="cuts")
+    assert len(filmed[0]["others"]) == 2 and filmed[0]["camera"].cuts_s == list(
+        plan_cameras(scene.motions, "cuts", scene.plan.dances[0].phrase_borders_s).cuts_s
+    )
+    for name, camera in (("a.bvh", "front"), ("a.png", "cuts"), ("a.glb", "drone")):
+        with pytest.raises(cg.ParameterError, match="expected"):
+            scene.save(tmp_path / name, camera=camera)
