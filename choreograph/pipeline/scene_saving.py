@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from choreograph.core.arguments import check_text
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.formats.glb import as_dance, scene_document
@@ -65,6 +66,8 @@ def save_scene(
     n_dancers, suffix = len(scene.dancers), format_of(path)
     characters = any(dancer.character is not None for dancer in scene.dancers)
     check_scene_outputs([path], n_dancers, characters=characters)
+    if camera is not None:
+        check_text("camera", camera)
     check_options(path, {"camera": camera})
     plan = scene.plan.dances[0]
     filmed = None if camera is None else plan_cameras(scene.motions, camera, plan.phrase_borders_s)
