@@ -22,8 +22,8 @@ from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.timebase import NET_FPS, WORD_FPS, frame_times_s, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import poses_at, segment_words
-from choreograph.motion.body import body_pos_m, clips_to_root_frame, to_root_frame
+from choreograph.library.words import WORDS_AT_ONCE, poses_at, word_bounds_s, words_between
+from choreograph.motion.body import BODY_JOINTS, body_pos_m, clips_to_root_frame, to_root_frame
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
@@ -54,10 +54,11 @@ def danced_embeddings(
     """The embedding of each word (N, D) of a motion segmented at `bounds_s` (N + 1,), nan if too short."""
     body = _body_at_word_rate(motion)
     inside = np.clip(bounds_s, 0.0, (len(body) - 1) / WORD_FPS)
-    words = segment_words(body, WORD_FPS, inside)
+    cut_s = word_bounds_s(inside, (len(body) - 1) / WORD_FPS)
     medoids = repertoire.vocabulary.motifs.embeddings  # (K, D)
     embeddings = np.full((len(bounds_s) - 1, medoids.shape[1]), np.nan, np.float32)
-    if len(words):
+    for block in frame_blocks(len(cut_s) - 1, WORDS_AT_ONCE):
+        words = words_between(body, WORD_FPS, cut_s[block.start : block.stop + 1])
         slots = np.searchsorted(bounds_s, (words.start_s + words.end_s) / 2, side="right") - 1
         embeddings[slots] = repertoire.word_net().embed(words.body_pos_m)
     return embeddings
@@ -69,8 +70,10 @@ def _body_at_word_rate(motion: Motion) -> NDArray[np.float64]:
         return body_pos_m(motion)
     n_frames = max(1, seconds_to_frames(motion.duration_s, WORD_FPS))
     frames = frame_times_s(n_frames, WORD_FPS) * motion.fps
-    parts = [body_pos_m(motion.sampled(frames[block], fps=WORD_FPS)) for block in frame_blocks(n_frames)]
-    return np.concatenate(parts)
+    body: Floats = np.empty((n_frames, len(BODY_JOINTS), 3))
+    for block in frame_blocks(n_frames):
+        body[block] = body_pos_m(motion.sampled(frames[block], fps=WORD_FPS))
+    return body
 
 
 def motifs_of_embeddings(embeddings: NDArray[np.float32], repertoire: Repertoire) -> NDArray[np.int64]:

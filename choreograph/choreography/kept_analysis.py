@@ -29,7 +29,8 @@ from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker
 from choreograph.music.form import Form, Phrase, Sections
-from choreograph.music.song import KnownSong, Song, as_song, check_song_file
+from choreograph.music.samples import Samples, sha256_of_samples
+from choreograph.music.song import KnownSong, Song, check_song_file, load_sound
 from choreograph.music.song_features import SongFeatures
 
 Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
@@ -48,26 +49,25 @@ def kept_song(path: str | Path, *, start_s: float, duration_s: float | None, kee
     With `keep`, it is decoded when its samples are used, if the same content was decoded before.
     """
 
-    def decode() -> Song:
-        return as_song("a song", path, start_s=start_s, duration_s=duration_s)
+    path = as_path("a song", path)
 
-    check_song_file(as_path("a song", path))
+    def decoded() -> tuple[Samples, tuple[str, ...]]:
+        return load_sound(path, start_s=start_s, duration_s=duration_s)
+
+    check_song_file(path)
     folder, _ = cache_folder("songs") if keep else (None, "")
-    if folder is None:
-        song = decode()
-        return KnownSong(
-            decode, Path(path), song.notes, start_s, len(song.samples), song.samples_sha256, song
-        )
-    entries = KeptEntries(folder, _MAX_SONG_BYTES, ".json")
-    key = digest(program(), libraries(), Path(path).stem, sha256_of(path), start_s, duration_s)
-    content, decoded = entries.read(key), None
+    entries = None if folder is None else KeptEntries(folder, _MAX_SONG_BYTES, ".json")
+    key = digest(program(), libraries(), path.stem, sha256_of(path), start_s, duration_s) if entries else b""
+    content, sound = entries.read(key) if entries else None, None
     if content is None:
-        decoded = decode()
-        about = [decoded.notes, len(decoded.samples), decoded.samples_sha256.hex()]
-        content = json.dumps(about).encode()
-        entries.write(key, content)
+        sound, notes = decoded()
+        content = json.dumps([notes, len(sound), sha256_of_samples(sound).hex()]).encode()
+        if entries:
+            entries.write(key, content)
     notes, n_samples, sha256 = json.loads(content)
-    return KnownSong(decode, Path(path), tuple(notes), start_s, n_samples, bytes.fromhex(sha256), decoded)
+    return KnownSong(
+        lambda: decoded()[0], path, tuple(notes), start_s, n_samples, bytes.fromhex(sha256), sound
+    )
 
 
 def kept_analysis(

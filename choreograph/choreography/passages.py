@@ -9,7 +9,7 @@ last one may be another one, if the signature lacks its motifs no longer.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,6 +145,8 @@ def _share_lacking(runs: NDArray[np.int64], lacks: Floats) -> Floats:
 
 # The motifs of a whole dance.
 
+# The costs (L, W) of all words in consecutive slots, made where they are used. For an hour, all take 0.2 GB.
+SlotCosts = Callable[[slice], Floats]
 
 _FEWEST_OF_PASSAGE = 3  # words that are looked for together in a take
 _VARIED_COUNTS = 4  # at the end of a phrase that returns, as by the cost `form` of the graph engine
@@ -161,15 +163,15 @@ def draw_dance(
     rng: np.random.Generator,
     pins: Mapping[int, int],
     banned: Collection[int],
-    costs: Floats | None = None,
+    costs: SlotCosts | None = None,
 ) -> Indices:
     """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
 
     In passages, several dances are drawn, and the one that is nearest to the signatures of its parts is kept.
     `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
     passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute", positions in
-    the bar are not regarded, as in Rhythm is a Dancer. The `costs` (N, W) of the user (`WordCosts`) choose
-    among passages. Raises as `draw_motifs`.
+    the bar are not regarded, as in Rhythm is a Dancer. The `costs` choose among passages. Raises as
+    `draw_motifs`.
     """
     draw = _Draw.of(request, constraints, pins, banned, costs)
     if request.config.phrase_counts == 1:
@@ -231,7 +233,7 @@ class _Draw:
     passages: Sequence[PassageSlots]
     pins: Mapping[int, int]
     need: str
-    costs: Floats | None  # (N, W)
+    costs: SlotCosts | None
 
     @classmethod
     def of(
@@ -240,7 +242,7 @@ class _Draw:
         constraints: ResolvedConstraints,
         pins: Mapping[int, int],
         banned: Collection[int],
-        costs: Floats | None,
+        costs: SlotCosts | None,
     ) -> _Draw:
         """The draw for a request. Raises as `draw_motifs`."""
         config, material = request.config, request.material
@@ -251,7 +253,7 @@ class _Draw:
         takes = constraints.take_wanted
         possible = possible_motifs(position, words.position, takes, words.vocabulary)
         if costs is not None:
-            possible &= _with_a_word(costs, words.vocabulary)
+            possible &= _with_a_word(costs, len(position), words.vocabulary)
         return cls(
             words, [part.goal for part in material.goals], parts, position, takes, possible,
             allowed_motifs(possible, pins, banned),
@@ -283,7 +285,7 @@ class _Draw:
             drawn = draw_passage(
                 self.words, goal, danced, slot_position=self.position[here],
                 takes=self.takes[passage.start], allowed=allowed, need=self.need, rng=rng,
-                costs=None if self.costs is None else self.costs[here],
+                costs=None if self.costs is None else self.costs(here),
             )  # fmt: skip
             if drawn is None and passage.stop - passage.start > 1:
                 to_draw[:0] = passage.halves()
@@ -310,11 +312,11 @@ class _Draw:
         return away
 
 
-def _with_a_word(costs: Floats, vocabulary: Vocabulary) -> NDArray[np.bool_]:
-    """Motifs (N, K) that have a word with a finite cost (N, W) in each slot."""
-    found = np.zeros((len(costs), vocabulary.n_motifs), bool)
-    for slots in frame_blocks(len(costs), _SLOTS_AT_ONCE):
-        slot, word = np.nonzero(np.isfinite(costs[slots]))
+def _with_a_word(costs: SlotCosts, n_slots: int, vocabulary: Vocabulary) -> NDArray[np.bool_]:
+    """Motifs (N, K) that have a word with a finite cost in each slot."""
+    found = np.zeros((n_slots, vocabulary.n_motifs), bool)
+    for slots in frame_blocks(n_slots, _SLOTS_AT_ONCE):
+        slot, word = np.nonzero(np.isfinite(costs(slots)))
         found[slots.start + slot, vocabulary.word_motif[word]] = True
     return found
 

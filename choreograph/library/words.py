@@ -19,6 +19,7 @@ from choreograph.motion.body import checked_body_pos_m, clips_to_root_frame
 MIN_WORD_S = 0.2  # beats that are closer count as one, since movements do not change so fast
 DEFAULT_WORD_S = 0.5  # length of words where there are no beats
 MAX_WORD_S = 1.5  # longer gaps, in which no beat was found, are divided evenly
+WORDS_AT_ONCE = 512  # of a long dance, in whole batches of a network, so that its results stay as they are
 _NEAR_GAPS = 8  # gaps between beats that determine the beat period before the first and after the last beat
 
 
@@ -51,10 +52,14 @@ def segment_words(body_pos_m: NDArray[np.floating], fps: float, beat_times_s: ND
     finite.
     """
     pos = checked_body_pos_m(body_pos_m, fps)
-    bounds = word_bounds_s(beat_times_s, (len(pos) - 1) / fps)
-    start_s, end_s = bounds[:-1], bounds[1:]
+    return words_between(pos, fps, word_bounds_s(beat_times_s, (len(pos) - 1) / fps))
+
+
+def words_between(body_pos_m: Floats, fps: float, bounds_s: Floats) -> Words:
+    """As `segment_words`, for the bounds (N + 1,) of `word_bounds_s` or some of them, without checks."""
+    start_s, end_s = bounds_s[:-1], bounds_s[1:]
     times = start_s[:, None] + (end_s - start_s)[:, None] * np.linspace(0.0, 1.0, WORD_FRAMES)  # (N, 13)
-    body = poses_at(pos, fps, times)  # (N, 13, 21, 3)
+    body = poses_at(body_pos_m, fps, times)  # (N, 13, 21, 3)
     return Words(clips_to_root_frame(body), start_s, end_s)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_array
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, sums_before
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import (
     MUSIC_FPS,
@@ -24,12 +24,14 @@ from choreograph.music.mel import (
     MEL_WINDOW,
     ONSET_RANGE,
     PAUSE_GATE,
-    at_unit_loudness,
     band_means,
     log_mel,
     log_mel_of_windows,
+    loudness,
     onset_envelopes,
+    scaled,
 )
+from choreograph.music.samples import Samples, as_samples, sample_blocks
 from choreograph.music.song import SILENCE_PEAK, Song
 from choreograph.music.spectral import spectral_features
 
@@ -58,7 +60,7 @@ _FRAME_SAMPLES = SAMPLE_RATE_HZ // FRAME_RHYTHM_FPS  # 735, exactly
 _ONSETS_PER_FRAME = MUSIC_FPS // FRAME_RHYTHM_FPS
 
 
-def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
+def frame_rhythm(samples: Samples, beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
     """The four rhythmic features of every frame: tempogram, onset strength, RMS, beat.
 
     Parameters
@@ -80,17 +82,18 @@ def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floatin
     ----------
     Rhythm is a Dancer, section 3.1.1 and Table 2 (a1 to a4).
     """
-    samples = at_unit_loudness(samples)
+    samples = as_samples(samples)
+    level = loudness(samples)
     duration_s = len(samples) / SAMPLE_RATE_HZ
     beats = checked_beat_times_s(beat_times_s, duration_s)
     n_frames = max(1, seconds_to_frames(duration_s, FRAME_RHYTHM_FPS))
-    onsets = onset_envelopes(log_mel(samples)).mean(axis=1)  # (T60,) at 60 fps, T60 >= 2 T - 1
+    onsets = onset_envelopes(log_mel(samples, level=level)).mean(axis=1)  # (T60,) at 60 fps, T60 >= 2 T - 1
     is_beat = np.zeros(n_frames)
     is_beat[np.minimum(np.rint(times_to_frames(beats, FRAME_RHYTHM_FPS)).astype(np.int64), n_frames - 1)] = 1
     columns = (
         _beat_lag_autocorrelation(onsets, beats, n_frames),
         onsets[: _ONSETS_PER_FRAME * n_frames : _ONSETS_PER_FRAME],
-        _window_rms(samples, n_frames),
+        _window_rms(samples, level, n_frames),
         is_beat,
     )
     return np.stack(columns, axis=1).astype(np.float32)  # (T, 4)
@@ -115,12 +118,17 @@ def _beat_lag_autocorrelation(
     return correlation
 
 
-def _window_rms(samples: NDArray[np.float32], n_frames: int) -> NDArray[np.float64]:
-    """Root mean square of each frame's window, which ends half a frame after the frame's time, (T,)."""
-    energy = np.concatenate([[0.0], np.cumsum(np.square(samples, dtype=np.float64))])  # (S + 1,)
+def _window_rms(samples: Samples, level: float, n_frames: int) -> NDArray[np.float64]:
+    """Root mean square, relative to a level, of each frame's window, (T,).
+
+    The window ends half a frame after the frame's time.
+    """
     ends = np.arange(n_frames) * _FRAME_SAMPLES + _FRAME_SAMPLES // 2 + 1
     width = WINDOW_FRAMES * _FRAME_SAMPLES
-    inside = energy[np.minimum(ends, len(samples))] - energy[np.clip(ends - width, 0, len(samples))]
+    at = np.stack([np.minimum(ends, len(samples)), np.clip(ends - width, 0, len(samples))])
+    squares = (np.square(scaled(block, level), dtype=np.float64)[:, None] for block in sample_blocks(samples))
+    until_end, until_start = sums_before(squares, at)[..., 0]
+    inside = until_end - until_start
     rms: NDArray[np.float64] = np.sqrt(inside / width)
     return rms
 
@@ -133,7 +141,7 @@ def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -
 
     Before the song's start the first row is repeated.
     """
-    rhythm = frame_rhythm(song.samples, beat_times_s)
+    rhythm = frame_rhythm(song.sound, beat_times_s)
     first = seconds_to_frames(start_s, FRAME_RHYTHM_FPS)
     if first < 0:
         return np.concatenate([np.repeat(rhythm[:1], -first, axis=0), rhythm])
@@ -150,7 +158,7 @@ def word_spectra(
     inside = np.unique(np.clip(bounds_s, 0.0, song.duration_s))
     if len(inside) < 2:
         inside = np.array([0.0, song.duration_s])
-    rows = spectral_features(song.samples, inside, report=report)
+    rows = spectral_features(song.sound, inside, report=report)
     middles = (bounds_s[1:] + bounds_s[:-1]) / 2
     spectra: NDArray[np.float32] = rows[
         (np.searchsorted(inside, middles, side="right") - 1).clip(0, len(rows) - 1)

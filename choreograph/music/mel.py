@@ -13,6 +13,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks, mean_ranks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, SEGMENT_S, seconds_to_frames
+from choreograph.music.samples import Samples, as_samples, peak_of
 from choreograph.music.song import SILENCE_PEAK
 
 # Log-mel spectrogram at exactly 60 fps.
@@ -29,12 +30,13 @@ _BLOCK_FRAMES = 2048
 _SPECTRA_AT_ONCE = 256  # which stay in the processor's cache
 
 
-def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) -> NDArray[np.float32]:
+def log_mel(samples: Samples, *, level: float = 1.0, report: StepReport | None = None) -> NDArray[np.float32]:
     """Natural logarithm of mel power, Slaney's scale and area normalisation, Hann window.
 
     Parameters
     ----------
     samples : float array (S,)   mono at 22.05 kHz
+    level : that samples are relative to, see `scaled`
 
     Returns
     -------
@@ -48,33 +50,33 @@ def log_mel(samples: NDArray[np.floating], *, report: StepReport | None = None) 
     ----------
     ChoreoGraph, section 3.1 (music features at 60 fps).
     """
-    samples = np.asarray(samples, np.float32)
-    if samples.ndim != 1 or len(samples) == 0:
-        raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
+    samples = _checked_samples(samples)
     n_frames = max(1, seconds_to_frames(len(samples) / SAMPLE_RATE_HZ, MUSIC_FPS))
     centres = np.rint(np.arange(n_frames) * (SAMPLE_RATE_HZ / MUSIC_FPS)).astype(np.int64)  # (T,)
     out = np.empty((n_frames, MEL_BANDS), np.float32)
     for block in frame_blocks(n_frames, _BLOCK_FRAMES):
-        out[block] = log_mel_of_windows(windows_around(samples, centres[block], MEL_WINDOW))
+        out[block] = log_mel_of_windows(windows_around(samples, centres[block], MEL_WINDOW, level))
         if report is not None:
             report(min(block.stop, n_frames), n_frames)
     return out
 
 
 def windows_around(
-    samples: NDArray[np.float32], centres: NDArray[np.int64], size: int
+    samples: Samples, centres: NDArray[np.int64], size: int, level: float = 1.0
 ) -> NDArray[np.float32]:
     """The `size` samples (T, W) around each of the increasing `centres` (T,), with silence outside the song.
 
-    Only the part of the song that the windows reach is copied.
+    They are relative to a level. Only the part of the song that the windows reach is copied.
     """
     first = int(centres[0]) - size // 2
     span = silent_outside(samples, first, int(centres[-1]) - size // 2 + size)
+    if level != 1.0:
+        span = scaled(span, level)
     windows: NDArray[np.float32] = np.lib.stride_tricks.sliding_window_view(span, size)[centres - centres[0]]
     return windows
 
 
-def silent_outside(samples: NDArray[np.float32], first: int, stop: int) -> NDArray[np.float32]:
+def silent_outside(samples: Samples, first: int, stop: int) -> NDArray[np.float32]:
     """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
     span = np.zeros(stop - first, np.float32)
     low, high = max(first, 0), min(stop, len(samples))
@@ -153,14 +155,12 @@ def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
     return out
 
 
-def loudness(samples: NDArray[np.float32]) -> float:
+def loudness(samples: Samples) -> float:
     """Root mean square of samples (S,) outside pauses, or infinity for a silent song.
 
     Raises as `at_unit_loudness`.
     """
-    if samples.ndim != 1 or len(samples) == 0:
-        raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
-    peak = float(max(samples.max(), -samples.min()))
+    peak = peak_of(_checked_samples(samples))
     if not np.isfinite(peak):
         raise ParameterError("expected finite samples, got NaN or infinity: a decoder or an effect failed")
     if peak < SILENCE_PEAK:
@@ -175,6 +175,13 @@ def loudness(samples: NDArray[np.float32]) -> float:
     size = np.diff(starts, append=len(samples))
     is_sound = energy > PAUSE_GATE * size * (energy / size).max()
     return float(peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum()))
+
+
+def _checked_samples(samples: Samples) -> Samples:
+    samples = as_samples(samples)
+    if len(samples.shape) != 1 or len(samples) == 0:
+        raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
+    return samples
 
 
 # Onset envelopes of three bands, and their autocorrelation, for beats, tempo and rhythm.

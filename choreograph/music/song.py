@@ -8,7 +8,6 @@ bytes per sample.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +25,13 @@ from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
+from choreograph.music.samples import (
+    Samples,
+    concatenated,
+    joined_samples,
+    peak_of,
+    sha256_of_samples,
+)
 
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _LONG_S = 3600.0
@@ -80,8 +86,13 @@ class Song:
 
     @cached_property
     def samples_sha256(self) -> bytes:
-        """A checksum of the samples, which takes half the time of `core.numerics.digest`."""
-        return hashlib.sha256(np.ascontiguousarray(self.samples).data).digest()
+        """A checksum of the samples."""
+        return sha256_of_samples(self.sound)
+
+    @property
+    def sound(self) -> Samples:
+        """The samples (S,), of which a long song's may be in a temporary file."""
+        return self.samples
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
         """The part from `start_s` on, for `duration_s` or to the end. Raises as `load_song`."""
@@ -102,12 +113,12 @@ class KnownSong(Song):
     """A song of a file of which all is known but the samples, which are decoded when they are used."""
 
     def __init__(
-        self, decode: Callable[[], Song], path: Path, notes: tuple[str, ...], start_s: float,
-        n_samples: int, samples_sha256: bytes, decoded: Song | None = None,
+        self, decode: Callable[[], Samples], path: Path, notes: tuple[str, ...], start_s: float,
+        n_samples: int, samples_sha256: bytes, decoded: Samples | None = None,
     ) -> None:  # fmt: skip
-        """The song that `decode` returns, or has returned before as `decoded`."""
-        self._decode: Callable[[], Song]
-        self._decoded: Song | None
+        """The song whose samples `decode` returns, or has returned before as `decoded`."""
+        self._decode: Callable[[], Samples]
+        self._decoded: Samples | None
         self._n_samples: int
         vars(self).update(
             name=path.stem, path=path, notes=notes, start_s=start_s, samples_sha256=samples_sha256,
@@ -117,12 +128,14 @@ class KnownSong(Song):
     def __getattr__(self, name: str) -> Any:
         if name != "samples":
             raise AttributeError(name)
-        return self._whole().samples
+        return self.sound[:]
 
-    def _whole(self) -> Song:
+    @property
+    def sound(self) -> Samples:
+        """As `Song.sound`."""
         if self._decoded is None:
             vars(self)["_decoded"] = self._decode()
-        decoded: Song = vars(self)["_decoded"]
+        decoded: Samples = vars(self)["_decoded"]
         return decoded
 
     def forget_samples(self) -> None:
@@ -136,7 +149,7 @@ class KnownSong(Song):
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
         """As `Song.part`."""
-        return self._whole().part(start_s, duration_s)
+        return Song(self.samples, self.name, self.path, self.notes, self.start_s).part(start_s, duration_s)
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:
@@ -173,19 +186,34 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ('house', 8.0)
     """
     path = as_path("a song", path)
+    samples, notes = _sound(path, start_s, duration_s, lambda blocks: concatenated(list(blocks)))
+    return Song(samples[:], path.stem, path, notes, start_s)
+
+
+def load_sound(
+    path: Path, *, start_s: float = 0.0, duration_s: float | None = None
+) -> tuple[Samples, tuple[str, ...]]:
+    """`Song.sound` and `Song.notes` of `as_song` of a file. Raises as `load_song`."""
+    sound, notes = _sound(path, start_s, duration_s, joined_samples)
+    return sound, (*notes, *_notes_on_end(path.stem, len(sound) / SAMPLE_RATE_HZ, duration_s))
+
+
+def _sound(
+    path: Path, start_s: float, duration_s: float | None, joined: Callable[[Iterator[Any]], Samples]
+) -> tuple[Samples, tuple[str, ...]]:
+    """The samples of a file, joined from blocks, and notes on them."""
     check_span(start_s, duration_s)
     check_song_file(path)
-    mixed, levels = _decoded(path, start_s, duration_s, None)
+    samples, notes, levels = _decoded(path, start_s, duration_s, None, joined)
     if levels.cancel:
-        mixed, _ = _decoded(path, start_s, duration_s, levels.in_phase)
-    samples, notes = mixed
+        samples, notes, _ = _decoded(path, start_s, duration_s, levels.in_phase, joined)
     if len(samples) == 0:
         if start_s > 0:
             raise _past_the_end(start_s, path)
         raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
     if levels.cancel:
         notes = (*notes, "the channels cancel each other: they are mixed with their phases aligned")
-    return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
+    return samples, (*notes, *_notes(samples))
 
 
 def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
@@ -199,10 +227,15 @@ def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float 
         loaded = load_song(song, start_s=start_s, duration_s=duration_s)
     else:
         raise unexpected(f"{what} as a path or a Song", song)
-    if duration_s is None or loaded.duration_s > duration_s - _SHORTER_S:
-        return loaded
-    note = f"{loaded.name}: {duration_s:g} s were requested, the song ends after {loaded.duration_s:.2f} s"
-    return replace(loaded, notes=(*loaded.notes, note))
+    notes = _notes_on_end(loaded.name, loaded.duration_s, duration_s)
+    return replace(loaded, notes=(*loaded.notes, *notes)) if notes else loaded
+
+
+def _notes_on_end(name: str, loaded_s: float, duration_s: float | None) -> tuple[str, ...]:
+    """A note if a song ends before the duration that was requested."""
+    if duration_s is None or loaded_s > duration_s - _SHORTER_S:
+        return ()
+    return (f"{name}: {duration_s:g} s were requested, the song ends after {loaded_s:.2f} s",)
 
 
 def _past_the_end(start_s: float, song: str | Path) -> ParameterError:
@@ -210,14 +243,19 @@ def _past_the_end(start_s: float, song: str | Path) -> ParameterError:
 
 
 def _decoded(
-    path: Path, start_s: float, duration_s: float | None, weights: NDArray[np.float32] | None
-) -> tuple[tuple[NDArray[np.float32], tuple[str, ...]], _Levels]:
-    """Samples at the program's rate and notes, and the levels of the channels, mixed by `weights` (C,)."""
+    path: Path,
+    start_s: float,
+    duration_s: float | None,
+    weights: NDArray[np.float32] | None,
+    joined: Callable[[Iterator[Any]], Samples],
+) -> tuple[Samples, tuple[str, ...], _Levels]:
+    """Samples at the program's rate, notes, and the levels of the channels, mixed by `weights` (C,)."""
     decoding = decode(path)
     levels = _Levels(decoding.n_channels)
     mono = _mono_span(levels.watched(decoding.blocks), decoding.rate_hz, start_s, duration_s, weights)
-    parts = list(resampled(_of_bearable_length(mono, path, decoding.rate_hz), decoding.rate_hz))
-    return (_concatenated(parts), tuple(decoding.notes)), levels
+    bearable = _of_bearable_length(mono, path, decoding.rate_hz)
+    samples = joined(resampled(bearable, decoding.rate_hz))
+    return samples, tuple(decoding.notes), levels
 
 
 class _Levels:
@@ -314,21 +352,10 @@ def at_half_rate(samples: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.pad(halved, (0, n_samples - len(halved)))
 
 
-def _concatenated(parts: list[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Concatenate and empty `parts`, so that peak memory is one song and not two."""
-    samples = np.empty(sum(map(len, parts)), np.float32)
-    end = len(samples)
-    while parts:
-        part = parts.pop()
-        samples[end - len(part) : end] = part
-        end -= len(part)
-    return samples
-
-
-def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
+def _notes(samples: Samples) -> tuple[str, ...]:
     notes = []
     duration_s = len(samples) / SAMPLE_RATE_HZ
-    if max(samples.max(), -samples.min()) < SILENCE_PEAK:
+    if peak_of(samples) < SILENCE_PEAK:
         notes.append("the song is silent: the dance follows no beat")
     if duration_s < SEGMENT_S:
         notes.append(f"the song lasts {duration_s:.2f} s, less than the {SEGMENT_S} s of one segment")

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index
 from choreograph.core.counts import Counts
+from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
 from choreograph.music.form import Form, Phrase, Sections
+from choreograph.music.samples import Samples
 
 # `SongFeatures`, the features of a song per second that the engines use for planning.
 
@@ -93,7 +95,7 @@ _PERCENTILES = 5, 95  # of the seconds with sound, between which the energy rise
 
 
 def energy_per_second(
-    samples: NDArray[np.floating], n_seconds: int, onsets: NDArray[np.floating] | None = None
+    samples: Samples, n_seconds: int, onsets: NDArray[np.floating] | None = None
 ) -> NDArray[np.float32]:
     """Energy (S,) of each second of a song, mono at 22.05 kHz, from 0 to 1.
 
@@ -153,7 +155,7 @@ _ATTACK_S = 0.06  # within which a sound at a count begins
 _AFTER_S, _BEFORE_S = 0.1, 0.05
 
 
-def stops_s(samples: NDArray[np.floating], counts: Counts) -> tuple[tuple[float, float], ...]:
+def stops_s(samples: Samples, counts: Counts) -> tuple[tuple[float, float], ...]:
     """The stops of a song, mono at 22.05 kHz: from when a dance rests, and until when it moves again.
 
     A stop is a silence of 0.8 s or more between sounds. Its end is the next count 1 on which the music has
@@ -177,13 +179,14 @@ def stops_s(samples: NDArray[np.floating], counts: Counts) -> tuple[tuple[float,
     return tuple(found)
 
 
-def _silences_s(samples: NDArray[np.floating]) -> list[tuple[float, float]]:
+def _silences_s(samples: Samples) -> list[tuple[float, float]]:
     """The silences between sounds, in seconds."""
     size = SAMPLE_RATE_HZ // _LEVEL_FPS
     n_frames = len(samples) // size
-    power = np.array(
-        [np.square(samples[i * size : (i + 1) * size], dtype=np.float64).mean() for i in range(n_frames)]
-    )
+    power = np.empty(n_frames)
+    for block in frame_blocks(n_frames):
+        frames = samples[block.start * size : block.stop * size].reshape(-1, size)
+        power[block] = np.square(frames, dtype=np.float64).mean(axis=1)
     if not power.any():
         return []
     loudest = scipy.ndimage.maximum_filter1d(power, 2 * round(_AROUND_S * _LEVEL_FPS) + 1, mode="nearest")

@@ -15,6 +15,7 @@ from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, 
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.free_memory import return_memory
+from choreograph.core.scratch import StoredArrays
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
@@ -44,7 +45,8 @@ class CheapSoFar:
         of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
         self._has_poses = source.n_seconds <= _MOST_WHOLE_S or not is_compiled(of_path)
         self._nodes: list[_Nodes] = []
-        self._edge_cost: list[NDArray[np.float32]] = []
+        # Those of a long dance are on disk: 0.24 GB for an hour.
+        self._edge_cost = StoredArrays(in_memory=source.n_seconds <= _MOST_WHOLE_S)
         self._last: Layer | None = None  # with its poses
 
     def add(self, layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]) -> None:

@@ -54,7 +54,7 @@ class CheapNodes:
 
     layers: tuple[Layer, ...]  # S, of N nodes each, before anything is danced
     node_cost: tuple[NDArray[np.float64], ...]  # S arrays (N,)
-    edge_cost: tuple[NDArray[np.float32], ...]  # S - 1 arrays (P, N), of costs that do not depend on the path
+    edge_cost: Sequence[NDArray[np.float32]]  # S - 1 arrays (P, N), of costs that do not depend on the path
     of_path: tuple[WeightedCost, ...]  # costs that depend on the path
     song_features: SongFeatures
     _one: dict[tuple[int, int], Layer] = field(default_factory=dict)  # layers of one node, by second and node
@@ -83,16 +83,17 @@ class CheapNodes:
         kind = _CompiledNodes if compiled else CheapNodes
         if compiled:
             layers, of_path = _with_few_columns(layers, of_path)
-        return kind(layers, tuple(node_cost), tuple(edge_cost), of_path, song_features)
+        return kind(layers, tuple(node_cost), edge_cost, of_path, song_features)
 
     def improved(self, path: AnyInts) -> NDArray[np.int64]:
         """The cheapest path found, as the index (S,) of its node in each second: `path` or a cheaper one."""
         best, least = self._descent(np.asarray(path, np.int64))
         if not self.of_path:
             return best
-        of_seconds = zip(self.edge_cost, self.node_cost[1:], strict=True)
-        sizes = [self.node_cost[0].size, *(cost.size for costs in of_seconds for cost in costs)]
-        noises = [_Noise.of(self.edge_cost)]
+        n_nodes = [cost.size for cost in self.node_cost]
+        n_edges = [before * after for before, after in pairwise(n_nodes)]
+        sizes = [n_nodes[0], *(size for of in zip(n_edges, n_nodes[1:], strict=True) for size in of)]
+        noises = [_Noise.of(n_edges)]
         while len(noises) < _MOST_STARTS:
             noises.append(noises[-1].after_a_pass(sizes))
         n_done = in_vain = 0
@@ -217,10 +218,10 @@ class _Noise:
     rng: np.random.Generator
 
     @staticmethod
-    def of(edge_cost: Sequence[NDArray[np.float32]]) -> _Noise:
+    def of(sizes: Sequence[int]) -> _Noise:
         """Draw changes, enough for costs of these sizes."""
         rng = np.random.default_rng(0)
-        n_factors = max(_N_FACTORS, 2 * max((cost.size for cost in edge_cost), default=0))
+        n_factors = max(_N_FACTORS, 2 * max(sizes, default=0))
         return _Noise(1.0 + np.float32(_NOISE) * rng.standard_normal(n_factors, np.float32), rng)
 
     def after_a_pass(self, sizes: Sequence[int]) -> _Noise:

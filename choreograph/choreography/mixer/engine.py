@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,7 @@ from choreograph.choreography.mixer.words import (
     Candidates,
     search_words,
 )
-from choreograph.choreography.passages import draw_dance, first_slots
+from choreograph.choreography.passages import SlotCosts, draw_dance, first_slots
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.arguments import as_stage_m
@@ -268,37 +268,49 @@ def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
         passage = search_words(of_take, search=request.config.planner)
         motifs.update(zip(slots, pool.vocabulary.word_motif[passage].tolist(), strict=True))
     banned = np.flatnonzero(~pool.motif_allowed()).tolist()
-    costs, last_slot = pool.costs, _last_slot(request)
+    terms: list[SlotCosts] = [] if pool.costs is None else [pool.costs.__getitem__]
+    last_slot, stage_m = _last_slot(request), as_stage_m(request.config.stage)
     if last_slot is not None:
-        of_front = _front_costs(pool, last_slot)
-        costs = of_front if costs is None else costs + of_front
-    stage_m = as_stage_m(request.config.stage)
+        terms.append(_front_costs(pool, last_slot))
     if stage_m is not None:
-        of_stage = _stage_costs(pool, stage_m)
-        costs = of_stage if costs is None else costs + of_stage
-    return draw_dance(request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=costs)
+        terms.append(_stage_costs(pool, stage_m))
+
+    def costs(slots: slice) -> Floats:
+        total: Floats = reduce(np.add, [of(slots) for of in terms])
+        return total
+
+    return draw_dance(
+        request, constraints, rng=pool.rng, pins=motifs, banned=banned, costs=costs if terms else None
+    )
 
 
-def _front_costs(pool: CandidatePool, last_slot: int) -> Floats:
-    """Costs (N, W) of all words in every slot by how far they are turned from the audience.
+def _front_costs(pool: CandidatePool, last_slot: int) -> SlotCosts:
+    """Costs of all words by how far they are turned from the audience.
 
     With them, passages that face it are drawn. The last pose of the dance is that at the end of `last_slot`.
     """
     headings_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 3)
     away = (0.5 - 0.5 * np.cos(headings_rad)) ** 2
-    costs: Floats = np.tile(_AWAY_COST * away.mean(axis=1), (pool.constraints.n_words, 1))
-    costs[last_slot] += _LAST_POSE_COST * away[:, -1]
+    cost, of_last = _AWAY_COST * away.mean(axis=1), _LAST_POSE_COST * away[:, -1]  # (W,)
+
+    def costs(slots: slice) -> Floats:
+        rows = np.tile(cost, (slots.stop - slots.start, 1))
+        if slots.start <= last_slot < slots.stop:
+            rows[last_slot - slots.start] += of_last
+        return rows
+
     return costs
 
 
-def _stage_costs(pool: CandidatePool, stage_m: tuple[float, float]) -> Floats:
-    """Costs (N, W) of all words by how far they move. With them, passages that keep to the stage are drawn.
+def _stage_costs(pool: CandidatePool, stage_m: tuple[float, float]) -> SlotCosts:
+    """Costs of all words by how far they move. With them, passages that keep to the stage are drawn.
 
     A word may be danced in any direction, so that the smaller side of the stage counts.
     """
     _, walk_m = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 2, 2)
     moved = np.linalg.norm(walk_m[:, -1], axis=-1) / min(stage_half_m(stage_m))
-    return np.tile(_ROAM_COST * moved**2, (pool.constraints.n_words, 1))
+    cost = _ROAM_COST * moved**2  # (W,)
+    return lambda slots: np.tile(cost, (slots.stop - slots.start, 1))
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:

@@ -37,9 +37,10 @@ from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.numerics import Floats, Indices
+from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.words import WORDS_AT_ONCE
 from choreograph.motion.motion import Credits, Motion
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan import Plan
@@ -214,7 +215,10 @@ def _asked(
     net = repertoire.rollout_net(request.material.goals[0].genre or "")
     if (words >= 0).any() and net.config.own_embedding_share > 0:
         bank = WordBank(repertoire.vocabulary, repertoire.clip_motion.poses_at, repertoire.word_net().embed)
-        asked[words >= 0] = asked_embeddings(bank.embeddings(words[words >= 0]), repertoire.vocabulary.motifs)
+        known = np.flatnonzero(words >= 0)
+        for part in frame_blocks(len(known), WORDS_AT_ONCE):
+            here = known[part]
+            asked[here] = asked_embeddings(bank.embeddings(words[here]), repertoire.vocabulary.motifs)
     if best is not None:
         for slot in constraints.motifs:
             missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
@@ -307,7 +311,7 @@ def _drawn_motifs(
         rng=np.random.default_rng([seed, attempt] if attempt else seed),
         pins={**_kept_motifs(request, constraints), **held, **constraints.motifs},
         banned=np.flatnonzero(constraints.motif_banned).tolist(),
-        costs=costs,
+        costs=None if costs is None else costs.__getitem__,
     )
 
 

@@ -68,7 +68,7 @@ class SongMusic:
         def kept(name: str, times_s: Floats, make: Callable[[], NDArray[np.float32]]) -> NDArray[np.float32]:
             return request.memory.value(
                 lambda: kept_rows(song, name, times_s, make) if config.cache else make(),
-                *(name, times_s, song.samples),
+                *(name, times_s, song.samples_sha256),
             )
 
         beats_s = request.song_features.beat_times_s
@@ -85,7 +85,7 @@ def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np
     `beats` is the dance's setting. A file belongs to the song of the dance, so this song is tracked instead.
     """
     tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
-    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
+    tracked_s = song_counts(song, log_mel(song.sound), tracker).times_s
     spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
     return spectra[np.arange(n_words) % len(spectra)]
 
