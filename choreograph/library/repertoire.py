@@ -394,6 +394,11 @@ class Repertoire:
         result: NDArray[np.float64] = beats[(beats >= 0) & (beats < CLIP_FRAMES)]
         return result
 
+    def forget_rows(self) -> None:
+        """Free the memory of the rows of takes and clips, which are read again where they are used."""
+        self._file.forget_rows()
+        vars(self).pop("clip_motion", None)
+
     @cached_property
     def clip_motion(self) -> ClipMotion:
         """Features of the clips by frame."""

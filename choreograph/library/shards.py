@@ -103,6 +103,11 @@ class RepertoireShards:
         files = [shard.path.name for shard in self._shards]
         return {**self._shards[0].provenance, "trained_on": sorted(trained_on), "files": files}
 
+    def forget_rows(self) -> None:
+        """As `RepertoireFile.forget_rows`."""
+        for shard in self._shards:
+            shard.forget_rows()
+
     def read(self, name: str, part: slice = slice(None)) -> NDArray[Any]:
         """As `RepertoireFile.read`."""
         if name in _OF_GENRES:

@@ -281,6 +281,10 @@ class RepertoireFile:
             )
         return kept.rows(rows, partial(self._blocks, name))
 
+    def forget_rows(self) -> None:
+        """Free the memory of the rows that are kept."""
+        self._kept.clear()
+
     def _blocks(self, name: str, blocks: Sequence[int]) -> Iterator[NDArray[Any]]:
         n_rows = self._block_rows[name]
         with opened(self.path, "a repertoire") as file:

@@ -92,7 +92,7 @@ class Motion:
                 f"{shapes[0]} and {shapes[1]}"
             )
         for what, values in (("root positions", self.root_pos_m), ("rotations", self.local_quat)):
-            if not np.isfinite(values).all():
+            if not all(np.isfinite(values[block]).all() for block in frame_blocks(n_frames)):
                 place = tuple(np.argwhere(~np.isfinite(values))[0].tolist())
                 raise ParameterError(
                     f"expected finite {what}, got {values[place]} in frame {place[0]}: damaged data?"

@@ -26,7 +26,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
-from choreograph.core.free_memory import return_memory
+from choreograph.core.free_memory import LONG_S, return_memory
 from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
@@ -374,6 +374,8 @@ def _danced(
         return_memory(song_features.duration_s)
         motion = result.motion
         if motion is None:
+            if song_features.duration_s > LONG_S and not memory.is_on:
+                repertoire.forget_rows()  # of clips, which have 70 MB
             rendering = substage(report, "rendering")
             motion = render_planned(result.plan, repertoire, memory, report=rendering, first=first)
     else:

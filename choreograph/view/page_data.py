@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import zigzag_encode
+from choreograph.core.numerics import frame_blocks, zigzag_encode
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -68,15 +68,19 @@ def _compressed(motion: Motion, level: int) -> CompressedMotion:
     origin = np.round((motion.root_pos_m.min(axis=0) + motion.root_pos_m.max(axis=0)) / 2, 3)
     root = motion.root_pos_m - origin
     root_step_m = max(_ROOT_STEP_M, float(np.abs(root).max()) / _LARGEST)
-    turns = rot.to_rotvec(motion.local_quat).reshape(motion.n_frames, -1)  # (T, 3J)
-    table = np.concatenate([root / root_step_m, turns / ROTVEC_STEP_RAD], axis=1)  # (T, 3 + 3J)
-    steps = np.round(table.T).astype(np.int64)  # (3 + 3J, T)
-    change = np.diff(steps, n=2, axis=1, prepend=np.zeros((len(steps), 2), np.int64))
-    change = change.astype(np.int16)  # wraps around, as the sums in the decoder do
-    folded = zigzag_encode(change)
-    planes = np.concatenate([(folded & 0xFF).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
+    n_channels = 3 + 3 * motion.skeleton.n_joints
+    planes = np.empty((2, n_channels, motion.n_frames), np.uint8)  # of low and of high bytes
+    before = np.zeros((n_channels, 2), np.int64)  # the last two frames before a block
+    for block in frame_blocks(motion.n_frames):  # since the table of a long motion is large
+        turns = rot.to_rotvec(motion.local_quat[block]).reshape(block.stop - block.start, -1)  # (T_b, 3J)
+        table = np.concatenate([root[block] / root_step_m, turns / ROTVEC_STEP_RAD], axis=1)
+        steps = np.concatenate([before, np.round(table.T).astype(np.int64)], axis=1)  # (3 + 3J, 2 + T_b)
+        before = steps[:, -2:]
+        # The differences wrap around, as the sums in the decoder do.
+        folded = zigzag_encode(np.diff(steps, n=2, axis=1).astype(np.int16))
+        planes[0, :, block], planes[1, :, block] = folded & 0xFF, folded >> 8
     return CompressedMotion(
-        deflate_base64(planes.tobytes(), level), motion.fps, motion.n_frames, root_step_m,
+        deflate_base64(planes.data, level), motion.fps, motion.n_frames, root_step_m,
         tuple(map(float, origin)),
     )  # fmt: skip
 
@@ -108,7 +112,7 @@ def compress_mesh(mesh: SkinnedMesh) -> tuple[str, dict[str, object]]:
     return text, numbers
 
 
-def deflate_base64(data: bytes, level: int = _SMALLEST) -> str:
+def deflate_base64(data: bytes | memoryview, level: int = _SMALLEST) -> str:
     """The bytes deflated, in base64."""
     return base64.b64encode(zlib.compress(data, level)).decode("ascii")
 
