@@ -17,7 +17,7 @@ class ScratchFile:
 
     def __init__(self) -> None:
         """Raises `OSError` if the system has no folder for temporary files."""
-        self._file = TemporaryFile(buffering=0)
+        self._file = TemporaryFile(buffering=0)  # noqa: SIM115 - it is open as long as the object is used
         self._lock = Lock()
         self.n_bytes = 0
 

@@ -130,10 +130,12 @@ class Motion:
         Raises `ParameterError` unless there is a frame or more, all are finite, and the rate is above 0.
         """
         frames, fps = _as_frames(frames), self.fps if fps is None else fps
-        low, high, weight = frame_weights(frames, self.n_frames)  # (T',) each
+        quat = np.empty((len(frames), *self.local_quat.shape[1:]))  # (T', J, 4)
+        for block in frame_blocks(len(frames)):  # since a slerp has several times its frames
+            low, high, weight = frame_weights(frames[block], self.n_frames)  # (T_b,) each
+            quat[block] = rot.slerp(self.local_quat[low], self.local_quat[high], weight[:, None])
         root = interpolate_frames(self.root_pos_m, frames)
-        quat = rot.slerp(self.local_quat[low], self.local_quat[high], weight[:, None])  # (T', J, 4)
-        return Motion(self.skeleton, root, rot.make_continuous(quat), fps)
+        return Motion(self.skeleton, root, rot.make_continuous(quat, out=quat), fps)
 
     def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',) by cubic splines, clamped to the first and last frame.

@@ -10,7 +10,8 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices
+from choreograph.core.filters import reach_of
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices, frame_blocks
 from choreograph.core.timebase import NET_FPS, frames_to_seconds
 
 # Motion beats: local minima of mean joint speed.
@@ -29,8 +30,15 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
         raise ParameterError(f"expected joint positions (T, J, 3), got {pos.shape}")
     if len(pos) < 2:
         return np.zeros(len(pos))
-    smooth = scipy.ndimage.gaussian_filter1d(pos, SMOOTHING_S * fps, axis=0, mode="nearest")
-    speed_m_s: NDArray[np.float64] = np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
+    speed_m_s, reach = np.empty(len(pos)), 1 + reach_of(SMOOTHING_S * fps)
+    for block in frame_blocks(len(pos)):  # with the frames beside it that it depends on
+        first = max(0, block.start - reach)
+        smooth = scipy.ndimage.gaussian_filter1d(
+            pos[first : block.stop + reach], SMOOTHING_S * fps, axis=0, mode="nearest"
+        )
+        smooth = smooth[max(0, block.start - first - 1) : block.stop - first + 1]
+        step_m = np.gradient(smooth, axis=0)[min(1, block.start) :][: block.stop - block.start]
+        speed_m_s[block] = np.linalg.norm(step_m * fps, axis=2).mean(axis=1)
     return speed_m_s
 
 

@@ -26,7 +26,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
-from choreograph.core.free_memory import LONG_S, return_memory
+from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
 from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
@@ -299,7 +299,8 @@ def dance_with(
     loaded = part_of(song, start_s, duration_s, known.plan if known else None, keep=config.cache)
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
-    with compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0]):
+    kernels = compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0])
+    with kernels, large_arrays_returned(loaded.duration_s):
         return _danced(
             engine, loaded, repertoire, config, requested, costs, style, kept, report, memory, first
         )

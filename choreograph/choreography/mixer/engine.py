@@ -32,6 +32,7 @@ from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
+from choreograph.core.free_memory import LONG_S
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
@@ -40,10 +41,11 @@ from choreograph.music.danced_span import held_times_s
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_from, take_motions
-from choreograph.render.runs import RecentRuns, stage_half_m
+from choreograph.render.runs import RecentRuns, sample_run, stage_half_m
 from choreograph.settings import DanceConfig
 
 _STEPS = 10  # of the progress of a rendering
+_NO_POSES = np.zeros((0, 3, 21, 3))  # of candidates while a long dance is rendered
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
 _RETURN_M = 0.2  # cost of another word than the first time, where a phrase returns
 _CUT_COST_M = 0.2  # of a word within a passage that does not follow the word before it in its take
@@ -165,7 +167,10 @@ def mix(request: DanceRequest) -> MixedDance:
         candidates = with_border_costs(candidates, request.kept, constraints)
     locked = set(constraints.pinned)
     report = substage(request.report, "mixing")
-    render = partial(render_from, take_motions(request.repertoire), sample=RecentRuns(request.memory).sample)
+    is_long = request.song_features.duration_s > LONG_S and not request.memory.is_on
+    # The runs of a long dance are more than are kept.
+    sample = sample_run if is_long else RecentRuns(request.memory).sample
+    render = partial(render_from, take_motions(request.repertoire), sample=sample)
     best: MixedDance | None = None
     rounds = 0
     search = partial(
@@ -176,6 +181,8 @@ def mix(request: DanceRequest) -> MixedDance:
         candidates = _returning(candidates, first_slots(request, constraints, wanted), search)
     while True:
         words = search(candidates)
+        if is_long:  # the poses of all candidates have 0.13 GB in an hour
+            candidates = [replace(here, first_m=_NO_POSES, last_m=_NO_POSES) for here in candidates]
         steps = _STEPS * max(_ROUNDS, rounds + 1)
         of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
         mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
@@ -186,6 +193,8 @@ def mix(request: DanceRequest) -> MixedDance:
             if report is not None:
                 report(steps, steps)
             return best
+        if is_long:
+            candidates = [_with_poses(slot, here, pool) for slot, here in enumerate(candidates)]
         locked.update(mixed.broken)
         candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
 
@@ -252,6 +261,12 @@ def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: Candi
         if not left.any_left:
             raise NoPathError(no_word_left(slot, pool.constraints))
     return left if left.any_left else here
+
+
+def _with_poses(slot: int, here: Candidates, pool: CandidatePool) -> Candidates:
+    """The candidates of a slot with the poses that `CandidatePool.candidates` gave them."""
+    first_m, last_m = pool.bank.borders_m(here.words, pool.length_s(slot))
+    return replace(here, first_m=first_m, last_m=last_m)
 
 
 def _motifs(pool: CandidatePool, request: DanceRequest) -> Indices:
