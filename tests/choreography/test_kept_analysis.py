@@ -17,7 +17,7 @@ import choreograph as cg
 from choreograph.choreography import kept_analysis, song_analysis
 from choreograph.choreography.kept_analysis import kept_song
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.music.song import as_song
+from choreograph.music.song import load_sound
 from choreograph.nets.inference import WordEmbedder
 
 STARTER = cg.starter_repertoire()
@@ -81,9 +81,9 @@ def decoded(monkeypatch):
 
     def counted(*arguments, **keywords):
         calls.append(arguments)
-        return as_song(*arguments, **keywords)
+        return load_sound(*arguments, **keywords)
 
-    monkeypatch.setattr(kept_analysis, "as_song", counted)
+    monkeypatch.setattr(kept_analysis, "load_sound", counted)
     return calls
 
 

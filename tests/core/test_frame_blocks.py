@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
 from synthetic_motions import swaying
 
-from choreograph.core.numerics import BLOCK_FRAMES, frame_blocks, sums_before
+from choreograph.core.numerics import BLOCK_FRAMES, frame_blocks, sums_before, zigzag_encode
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_indices, body_pos_m
+from choreograph.motion.motion_beats import SMOOTHING_S, mean_joint_speed_m_s
 from choreograph.music.mel import ONSET_RANGE, at_unit_loudness, band_means, onset_envelopes
 from choreograph.music.song_features import energy_per_second
+from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_motion, deflate_base64
 
 SEVERAL = 2 * BLOCK_FRAMES + 17  # frames: three blocks
 
@@ -55,6 +58,29 @@ def test_energy_of_a_last_second_that_is_not_full():
     assert energy_per_second(samples, 5).min() > 0.97
 
 
+@pytest.mark.parametrize("n_frames", [2, 3, BLOCK_FRAMES, BLOCK_FRAMES + 1, BLOCK_FRAMES + 7, SEVERAL])
+@pytest.mark.parametrize("fps", [20, 60])
+def test_speeds_of_several_blocks_are_those_of_the_whole(n_frames, fps):
+    pos_m = np.cumsum(np.random.default_rng(n_frames).normal(size=(n_frames, 5, 3)), axis=0)
+    smooth = gaussian_filter1d(pos_m, SMOOTHING_S * fps, axis=0, mode="nearest")
+    whole = np.linalg.norm(np.gradient(smooth, axis=0) * fps, axis=2).mean(axis=1)
+    assert np.array_equal(mean_joint_speed_m_s(pos_m, fps), whole)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, BLOCK_FRAMES + 1, SEVERAL])
+def test_pages_of_several_blocks_are_those_of_the_whole(n_frames):
+    motion = swaying(n_frames, fps=60.0)
+    root_m = motion.root_pos_m + 5e-3 * np.random.default_rng(3).normal(size=(n_frames, 3))
+    compressed = compress_motion(replace(motion, root_pos_m=root_m))
+    turns = rot.to_rotvec(motion.local_quat).reshape(n_frames, -1) / ROTVEC_STEP_RAD
+    root = (root_m - compressed.root_origin_m) / compressed.root_step_m
+    steps = np.round(np.concatenate([root, turns], axis=1).T).astype(np.int64)
+    change = np.diff(steps, n=2, axis=1, prepend=np.zeros((len(steps), 2), np.int64))
+    folded = zigzag_encode(change.astype(np.int16))
+    planes = np.concatenate([(folded & 0xFF).ravel(), (folded >> 8).ravel()]).astype(np.uint8)
+    assert compressed.text == deflate_base64(planes.tobytes())
+
+
 def test_motions_of_several_blocks_are_those_of_the_whole():
     motion = swaying(SEVERAL, fps=60.0)
     flipped = motion.local_quat * np.random.default_rng(2).choice([-1.0, 1.0], (SEVERAL, 1, 1))
@@ -62,6 +88,13 @@ def test_motions_of_several_blocks_are_those_of_the_whole():
     assert np.array_equal(rot.make_continuous(flipped), sign * rot.make_continuous(motion.local_quat))
     joints = body_indices(motion.skeleton)
     assert np.array_equal(body_pos_m(motion), motion.joint_pos_m()[:, joints])
+
+    frames = np.arange(0.2, SEVERAL, 0.93)
+    low = np.minimum(frames.astype(np.int64), SEVERAL - 1)
+    high, weight = np.minimum(low + 1, SEVERAL - 1), np.where(frames < SEVERAL - 1, frames - low, 0.0)
+    whole = rot.slerp(flipped[low], flipped[high], weight[:, None])
+    sampled = replace(motion, local_quat=flipped).sampled(frames)
+    assert np.array_equal(sampled.local_quat, rot.make_continuous(whole))
 
     frames = np.array([0.0, 10.3, SEVERAL / 2 + 0.7, SEVERAL - 1.0])
     spline = CubicSpline(np.arange(SEVERAL), rot.make_continuous(flipped))

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from choreograph.core.free_memory import LONG_S, return_memory
+from choreograph.core import free_memory
+from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
 
 PIECE_BYTES = 1 << 12
 
@@ -32,3 +33,19 @@ def test_gaps_between_small_pieces_are_returned():
 def test_another_c_library_is_left_as_it_is(monkeypatch):
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
     return_memory(2 * LONG_S)
+    with large_arrays_returned(2 * LONG_S):
+        pass
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other C libraries have other parameters")
+def test_parameters_are_set_within_a_long_song_alone(monkeypatch):
+    set_to = []
+    monkeypatch.setattr(free_memory, "_set", set_to.append)
+    with large_arrays_returned(LONG_S):
+        pass
+    assert set_to == []
+    with pytest.raises(KeyError), large_arrays_returned(LONG_S + 1):
+        assert len(set_to) == 1
+        raise KeyError
+    assert len(set_to) == 2 and set_to[0].keys() == set_to[1].keys()
+    assert all(set_to[0][name] < set_to[1][name] for name in set_to[0])

@@ -315,3 +315,22 @@ def test_without_selection_any_clip_is_a_candidate(repertoire, song):
     drawn = takes(selection="random", seed=1)
     assert drawn == takes(selection="random", seed=1) != takes(selection="random", seed=2)
     assert drawn != takes(selection="style", seed=1)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"engine": "mixer", "phrase_counts": 1, "seed": 4}, {"engine": "rollout"}], ids=str
+)
+def test_a_long_song_in_blocks_and_files_has_the_dance_of_a_short_one(settings, monkeypatch):
+    arguments = {"duration_s": 9.3, "cache": False, **settings}
+    whole = cg.dance(cg.example_songs()["cha-cha"], **arguments)
+    for name, limit in (
+        ("music.samples._MOST_IN_MEMORY", 20_000), ("choreography.graph.cheap_nodes._MOST_WHOLE_S", 0),
+        ("choreography.graph.warped_segments._MOST_KEPT_S", 0), ("core.free_memory.LONG_S", 0.0),
+        ("pipeline.dancing.LONG_S", 0.0), ("choreography.mixer.engine.LONG_S", 0.0),
+        ("choreography.enforcement.WORDS_AT_ONCE", 128), ("choreography.rollout.engine.WORDS_AT_ONCE", 128),
+    ):  # fmt: skip
+        monkeypatch.setattr(f"choreograph.{name}", limit)
+    found = cg.dance(cg.example_songs()["cha-cha"], **arguments)
+    assert found.plan.to_json() == whole.plan.to_json() and found.notes == whole.notes
+    assert np.array_equal(found.motion.local_quat, whole.motion.local_quat)
+    assert np.array_equal(found.motion.root_pos_m, whole.motion.root_pos_m)

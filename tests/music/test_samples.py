@@ -1,0 +1,146 @@
+"""Laws of samples in a temporary file: songs, and all that is found in them, are those of arrays, to the bit."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+import pytest
+import soundfile
+
+import choreograph as cg
+from choreograph.core.numerics import frame_blocks
+from choreograph.core.scratch import ScratchFile
+from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.music import samples as samples_module
+from choreograph.music import spectral
+from choreograph.music.bars import beat_evidence, track_bars
+from choreograph.music.frame_rhythm import frame_rhythm
+from choreograph.music.mel import log_mel, loudness
+from choreograph.music.samples import (
+    StoredSamples,
+    as_samples,
+    joined_samples,
+    peak_of,
+    sha256_of_samples,
+)
+from choreograph.music.song import KnownSong, load_sound
+from choreograph.music.song_features import energy_per_second, stops_s
+
+SONG = cg.load_song(cg.example_songs()["house"], duration_s=21.0).samples[:-777]
+SONG = np.concatenate(
+    [SONG[: 11 * SAMPLE_RATE_HZ], np.zeros(40_000, np.float32), SONG[11 * SAMPLE_RATE_HZ :]]
+)
+BEATS_S = np.arange(0.31, 22.0, 0.49)
+
+
+@pytest.fixture(autouse=True)
+def little_memory(monkeypatch):
+    monkeypatch.setattr(samples_module, "_MOST_IN_MEMORY", 10_000)
+    monkeypatch.setattr(samples_module, "_BLOCK_SAMPLES", 4_099)
+
+
+def stored(samples=SONG, size=30_011):
+    return joined_samples(samples[part] for part in frame_blocks(len(samples), size))
+
+
+@pytest.mark.parametrize("size", [997, 10_000, 30_011, len(SONG)])
+def test_long_samples_are_in_a_file_and_the_same(size):
+    found = stored(size=size)
+    assert isinstance(found, StoredSamples) and found.shape == SONG.shape and as_samples(found) is found
+    parts = (slice(None), slice(5, 5), slice(3, 40_001), slice(-9, None), slice(len(SONG), len(SONG) + 9))
+    assert all(np.array_equal(found[part], SONG[part]) for part in (*parts, slice(1, 99, 7)))
+    assert peak_of(found) == np.abs(SONG).max()
+    assert sha256_of_samples(found) == sha256_of_samples(SONG) == hashlib.sha256(SONG.tobytes()).digest()
+
+
+def test_short_samples_are_an_array():
+    found = joined_samples(iter([SONG[:4000], SONG[4000:9000]]))
+    assert isinstance(found, np.ndarray) and np.array_equal(found, SONG[:9000])
+    assert len(joined_samples(iter([]))) == 0
+
+
+@pytest.mark.parametrize("n_written", [0, 1, 3])
+def test_samples_without_room_on_disk_are_an_array(n_written, monkeypatch):
+    append, calls = ScratchFile.append, []
+
+    def full(self, array):
+        calls.append(1)
+        if len(calls) > n_written:
+            raise OSError("no space left on device")
+        return append(self, array)
+
+    monkeypatch.setattr(ScratchFile, "append", full)
+    found = stored()
+    assert isinstance(found, np.ndarray) and np.array_equal(found, SONG)
+    assert len(calls) == n_written + 1  # it is not tried for every block
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_samples_that_are_not_finite_are_found_in_any_block(bad):
+    for at in (0, 5000, len(SONG) - 1):
+        damaged = SONG.copy()
+        damaged[at] = bad
+        with pytest.raises(cg.ParameterError, match="finite"):
+            loudness(stored(damaged))
+
+
+def test_features_are_those_of_an_array_to_the_bit(monkeypatch):
+    monkeypatch.setattr(spectral, "_CQT_WHOLE_FRAMES", 300)  # in blocks, whose borders do not divide the song
+    monkeypatch.setattr(spectral, "_CQT_BLOCK_FRAMES", 257)
+    found, mel = stored(), log_mel(SONG)
+    assert np.array_equal(log_mel(found), mel)
+    for of in (
+        loudness,
+        lambda sound: spectral.spectral_features(sound, BEATS_S),
+        lambda sound: frame_rhythm(sound, BEATS_S),
+        lambda sound: energy_per_second(sound, 23),
+        lambda sound: np.concatenate(beat_evidence(sound, mel, BEATS_S), axis=1),
+    ):
+        assert np.array_equal(of(found), of(SONG))
+    counts, others = (track_bars(sound, mel, BEATS_S) for sound in (SONG, found))
+    assert np.array_equal(counts.numbers, others.numbers) and counts.confidence == others.confidence
+    assert stops_s(found, counts) == stops_s(SONG, counts) != ()
+
+
+def test_the_level_of_log_mel_is_that_of_scaled_samples():
+    level = loudness(SONG)
+    scaled = (SONG.astype(np.float64) / level).astype(np.float32)
+    assert np.array_equal(log_mel(stored(), level=level), log_mel(scaled))
+
+
+@pytest.mark.parametrize(
+    ("name", "rate_hz", "n_channels"),
+    [
+        ("a.wav", 22050, 1),
+        ("a.wav", 44100, 2),
+        ("a.flac", 48000, 2),
+        ("a.ogg", 32000, 1),
+        ("a.mp3", 44100, 2),
+    ],
+)
+@pytest.mark.parametrize("part", [(0.0, None), (1.25, 3.0), (2.0, 60.0)])
+def test_songs_of_files_are_the_same_in_any_format(name, rate_hz, n_channels, part, tmp_path):
+    path, (start_s, duration_s) = tmp_path / name, part
+    noise = np.random.default_rng(0).uniform(-0.5, 0.5, round(7.1 * rate_hz))
+    sound = np.stack([noise] * n_channels, axis=1)
+    sound *= np.linspace(0.5, 1.0, n_channels)
+    soundfile.write(path, sound, rate_hz)
+    whole = cg.load_song(path, start_s=start_s, duration_s=duration_s)
+    found, notes = load_sound(path, start_s=start_s, duration_s=duration_s)
+    assert isinstance(found, StoredSamples) and np.array_equal(found[:], whole.samples)
+    assert isinstance(whole.samples, np.ndarray)
+    assert len(notes) - len(whole.notes) == (duration_s == 60.0)
+
+
+def test_channels_that_cancel_are_decoded_again(tmp_path):
+    tone = 0.5 * np.sin(np.arange(60_000) / 9)
+    soundfile.write(tmp_path / "a.wav", np.stack([tone, -tone], axis=1), 22050, subtype="FLOAT")
+    found, notes = load_sound(tmp_path / "a.wav")
+    assert np.abs(found[:]).max() > 0.4 and "cancel" in notes[0]
+
+
+def test_a_known_song_reads_its_samples_from_a_file():
+    song = KnownSong(stored, cg.example_songs()["house"], (), 0.0, len(SONG), sha256_of_samples(SONG))
+    assert isinstance(song.sound, StoredSamples) and np.array_equal(song.samples, SONG)
+    assert np.array_equal(song.part(1.0, 2.0).samples, SONG[22050 : 3 * 22050])
