@@ -10,7 +10,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.filters import gaussian_filter, logistic
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import BODY_JOINTS, checked_body_pos_m
+from choreograph.motion.body import BODY_JOINTS, body_pos_m, checked_body_pos_m
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
@@ -122,6 +122,14 @@ def foot_contacts(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.fl
     pos = checked_body_pos_m(body_pos_m, fps)
     feet = pos[:, [BODY_JOINTS.index(name) for name in CONTACT_JOINTS]]  # (T, 4, 3)
     return contacts_above(feet, np.percentile(feet[..., 1], FLOOR_PERCENT, axis=0), fps)
+
+
+def contacts_of(motion: Motion) -> Floats:
+    """`foot_contacts` (T, 4) of a motion, one joint after another, since those of a long dance are large."""
+    feet_m = body_pos_m(motion, CONTACT_JOINTS)  # (T, 4, 3)
+    floor_m = np.percentile(feet_m[..., 1], FLOOR_PERCENT, axis=0)
+    parts = [contacts_above(feet_m[:, [joint]], floor_m[[joint]], motion.fps) for joint in range(4)]
+    return np.concatenate(parts, axis=1)
 
 
 def contacts_above(

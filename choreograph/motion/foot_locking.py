@@ -19,7 +19,7 @@ from choreograph.motion.contacts import (
     CONTACT_JOINTS,
     FLOOR_PERCENT,
     contacts_above,
-    foot_contacts,
+    contacts_of,
     foot_sole_pos_m,
 )
 from choreograph.motion.kinematics import ancestors, flexion_rad, forward, move_limb, to_local
@@ -85,8 +85,7 @@ def lock_feet_in_place(
         return forward(skeleton, motion.root_pos_m[block], motion.local_quat[block])
 
     if contacts is None:
-        body = body_indices(skeleton)
-        contacts = foot_contacts(np.concatenate([world(block)[0][:, body] for block in blocks]), motion.fps)
+        contacts = contacts_of(motion)
     confidence: Floats = np.asarray(contacts, np.float64)
     if confidence.shape != (motion.n_frames, 4):
         raise ParameterError(f"expected contacts ({motion.n_frames}, 4), got {confidence.shape}")

@@ -147,11 +147,11 @@ class Motion:
         if self.n_frames < 4:
             return self.sampled(frames, fps=fps)
         frames = np.clip(frames, 0, self.n_frames - 1)
-        continuous = rot.make_continuous(self.local_quat)
-        quat = np.empty((len(frames), *continuous.shape[1:]))  # (T', J, 4)
+        quat = np.empty((len(frames), *self.local_quat.shape[1:]))  # (T', J, 4)
         at_once = max(1, _SPLINE_FRAME_JOINTS // self.n_frames)  # a spline has several times its frames
         for joints in frame_blocks(self.skeleton.n_joints, at_once):
-            quat[:, joints] = rot.normalize(_spline_frames(continuous[:, joints], frames))
+            continuous = rot.make_continuous(self.local_quat[:, joints])
+            quat[:, joints] = rot.normalize(_spline_frames(continuous, frames))
         root_pos_m = _spline_frames(self.root_pos_m, frames)
         return replace(self, root_pos_m=root_pos_m, local_quat=quat, fps=fps)
 

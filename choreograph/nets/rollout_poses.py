@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.counts import COUNT_PHASE_DIM
-from choreograph.core.numerics import AnyFloats, Floats
+from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
@@ -89,7 +89,7 @@ def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0)
     root_pos_m, heading = root_path(rows, heading_rad=heading_rad)
     quat = rot.normalize(rows[:, ROOT_DIM:-N_FEET].reshape(len(rows), -1, 4))
     quat[:, 0] = rot.multiply(rot.about_y(heading), quat[:, 0])
-    return Motion(skeleton, root_pos_m, rot.make_continuous(quat), ROLLOUT_FPS)
+    return Motion(skeleton, root_pos_m, rot.make_continuous(quat, out=quat), ROLLOUT_FPS)
 
 
 def root_path(rows: Floats, *, heading_rad: float = 0.0) -> tuple[Floats, Floats]:
@@ -266,23 +266,29 @@ class PosePredictor(TrainedNet):
         """Poses (T, P) with the style of their songs, as by `RolloutNet.apply_style`."""
         if conditions.spectral is None:
             return poses
-        weights, fade_s = self.weights, self.config.style_fade_s
-        spectral = np.asarray(conditions.spectral, np.float32)
-        hidden = linear((spectral - weights["spectral_mean"]) / weights["spectral_std"], weights, "style.0")
-        vector = unit(linear(gelu(hidden), weights, "style.2"))  # (T, 2 * 4 J)
+        fade_s, blocks = self.config.style_fade_s, list(frame_blocks(len(poses)))
+        vector = np.concatenate([self._style(conditions.spectral[block]) for block in blocks])  # (T, 2 * 4 J)
         if fade_s > 0:
             n_frames = 2 * (round(fade_s * FRAME_RHYTHM_FPS) // 2) + 1
-            for _ in range(2):
-                vector = scipy.ndimage.uniform_filter1d(vector, n_frames, axis=0, mode="nearest")
+            for column in vector.T:
+                for _ in range(2):
+                    column[:] = scipy.ndimage.uniform_filter1d(column, n_frames, mode="nearest")
         else:
             window = 0.5 - 0.5 * np.cos(2 * np.pi * conditions.progress)  # (T,)
             word_frames = np.maximum(conditions.word_s * FRAME_RHYTHM_FPS, 1.0)
-            vector = vector * (window / np.sqrt(word_frames)).astype(np.float32)[:, None]
-        scale, shift = np.split(np.float32(self.config.style_strength) * vector, 2, axis=1)  # (T, 4 J) each
+            vector *= (window / np.sqrt(word_frames)).astype(np.float32)[:, None]
         styled = poses.copy()
-        quat = poses[:, ROOT_DIM:-N_FEET]
-        styled[:, ROOT_DIM:-N_FEET] = _unit_quaternions((1 + scale) * quat + shift)
+        for block in blocks:
+            scale, shift = np.split(np.float32(self.config.style_strength) * vector[block], 2, axis=1)
+            quat = poses[block, ROOT_DIM:-N_FEET]
+            styled[block, ROOT_DIM:-N_FEET] = _unit_quaternions((1 + scale) * quat + shift)
         return styled
+
+    def _style(self, spectral: AnyFloats) -> Array:
+        """The vectors (T, 2 * 4 J) of equation 4 of spectral features (T, 87)."""
+        weights = self.weights
+        normal = (np.asarray(spectral, np.float32) - weights["spectral_mean"]) / weights["spectral_std"]
+        return unit(linear(gelu(linear(normal, weights, "style.0")), weights, "style.2"))
 
     def with_style(self, strength: float | None, window: str | None) -> PosePredictor:
         """The same network with another β of equation 4, or another window: "smooth" or "hamming".

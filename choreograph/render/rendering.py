@@ -28,7 +28,6 @@ from choreograph.render.first_part import FirstPart, part_of_plan
 from choreograph.render.held_poses import (
     Replaced,
     copied,
-    hold_ends,
     hold_ends_in_place,
     hold_stops_in_place,
 )
@@ -222,12 +221,13 @@ def render_generated(motion: Motion, plan: Plan) -> Motion:
     """A motion that a network generated, with the stops, held poses and amplitudes of its plan.
 
     The motion after a stop is that of its time in the song. Feet are locked again if anything but the ends
-    changes.
+    changes. The arrays of `motion` are changed, as by `with_dynamics`.
     """
     if not plan.stops_s:
         if not plan.amplitudes:
-            return hold_ends(motion, plan.opening_s, plan.closing_s)
-        return with_dynamics(copied(motion), Joins(np.zeros(0), ()), plan)
+            hold_ends_in_place(motion, plan.opening_s, plan.closing_s)
+            return motion
+        return with_dynamics(motion, Joins(np.zeros(0), ()), plan)
     end_s = motion.duration_s
     whole = Run("", 0.0, end_s, np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1))
     borders_s = [0.0, *(moves_s - STOP_EASE_S for _, moves_s in plan.stops_s), end_s]

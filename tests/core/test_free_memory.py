@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,7 @@ def test_parameters_are_set_within_a_long_song_alone(monkeypatch):
     with large_arrays_returned(LONG_S):
         pass
     assert set_to == []
-    with pytest.raises(KeyError), large_arrays_returned(LONG_S + 1):
+    with suppress(KeyError), large_arrays_returned(LONG_S + 1):
         assert len(set_to) == 1
         raise KeyError
     assert len(set_to) == 2 and set_to[0].keys() == set_to[1].keys()

@@ -1,4 +1,4 @@
-"""Laws of samples in a temporary file: songs, and all that is found in them, are those of arrays, to the bit."""
+"""Laws of samples in a temporary file: all that is found in them is that of arrays, to the bit."""
 
 from __future__ import annotations
 

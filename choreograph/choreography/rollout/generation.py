@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +15,15 @@ from choreograph.choreography.kept_analysis import kept_rows
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.errors import ParameterError
 from choreograph.core.filters import gaussian_filter
+from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
 from choreograph.library.motifs import Motifs
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.library.words import dance_bounds_s
-from choreograph.motion.body import body_pos_m
-from choreograph.motion.contacts import foot_contacts
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import contacts_of
+from choreograph.motion.foot_locking import lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.music.frame_rhythm import rhythm_from, word_spectra
@@ -36,6 +37,7 @@ from choreograph.nets.rollout_poses import (
     to_motion,
     to_poses,
     word_conditions,
+    word_of_frames,
 )
 from choreograph.render.runs import steer_rad
 
@@ -165,10 +167,14 @@ def generate_motion(
     """
     poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
     motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front, stage=stage)
+    del poses
+    return_memory(motion.duration_s)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
-    contacts = contacts.repeat(2, axis=1) * foot_contacts(body_pos_m(motion), motion.fps)  # (T, 4)
-    locked = lock_feet(motion, np.sqrt(contacts), shift_s=SHIFT_S)
-    return lock_feet(locked)  # after the first pass, more feet nearly stand
+    return_memory(motion.duration_s)
+    contacts = contacts.repeat(2, axis=1) * contacts_of(motion)  # (T, 4)
+    lock_feet_in_place(motion, np.sqrt(contacts), shift_s=SHIFT_S)
+    lock_feet_in_place(motion)  # after the first pass, more feet nearly stand
+    return motion
 
 
 def generate_poses(
@@ -184,20 +190,22 @@ def generate_poses(
         raise ParameterError("expected a sequence of one motion word or more, got none")
     check_skeleton(net, seed_motion.skeleton)
     n_frames = max(1, seconds_to_frames(float(sequence.end_s[-1]), ROLLOUT_FPS))
+    word = word_of_frames(sequence.start_s, n_frames)
     conditions = word_conditions(
         sequence.start_s,
         sequence.end_s,
         n_frames,
         sequence.rhythm,
         sequence.count_phase,
-        sequence.motif,
+        sequence.motif[:, :0],  # which are large, and added block by block
         sequence.spectral,
     )
     seed_poses, state = to_poses(seed_motion)[-SEED_FRAMES:], net.initial_state()
     pose = seed_poses[-1]
     generated = np.empty((n_frames, len(pose)), np.float32)
     for frames in frame_blocks(n_frames, _EMBEDDED_FRAMES):
-        embedded = net.embed_conditions(conditions, frames)
+        of_block = conditions.mapped(itemgetter(frames))
+        embedded = net.embed_conditions(replace(of_block, motif=sequence.motif[word[frames]]))
         if frames.start == 0:
             for row in seed_poses[:-1]:
                 _, state = net.step(row, embedded[0][0], embedded[1][0], state)
