@@ -87,7 +87,9 @@ def to_motion(poses: AnyFloats, skeleton: Skeleton, *, heading_rad: float = 0.0)
     """The motion (T frames) of pose rows (T, P). It begins above the origin."""
     rows: NDArray[np.float64] = np.asarray(poses, np.float64)
     root_pos_m, heading = root_path(rows, heading_rad=heading_rad)
-    quat = rot.normalize(rows[:, ROOT_DIM:-N_FEET].reshape(len(rows), -1, 4))
+    quat = np.empty((len(rows), skeleton.n_joints, 4))
+    for block in frame_blocks(len(rows)):
+        quat[block] = rot.normalize(rows[block, ROOT_DIM:-N_FEET].reshape(-1, skeleton.n_joints, 4))
     quat[:, 0] = rot.multiply(rot.about_y(heading), quat[:, 0])
     return Motion(skeleton, root_pos_m, rot.make_continuous(quat, out=quat), ROLLOUT_FPS)
 
@@ -267,7 +269,9 @@ class PosePredictor(TrainedNet):
         if conditions.spectral is None:
             return poses
         fade_s, blocks = self.config.style_fade_s, list(frame_blocks(len(poses)))
-        vector = np.concatenate([self._style(conditions.spectral[block]) for block in blocks])  # (T, 2 * 4 J)
+        vector = np.empty((len(poses), 2 * (poses.shape[1] - ROOT_DIM - N_FEET)), np.float32)  # (T, 2 * 4 J)
+        for block in blocks:
+            vector[block] = self._style(conditions.spectral[block])
         if fade_s > 0:
             n_frames = 2 * (round(fade_s * FRAME_RHYTHM_FPS) // 2) + 1
             for column in vector.T:

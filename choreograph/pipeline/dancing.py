@@ -384,6 +384,7 @@ def _danced(
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)
     notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
+    return_memory(song_features.duration_s)
     return Dance(motion, result.plan, notes, song.path, result.unmet)
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import base64
 import html
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ from choreograph.view.page_data import (
     bundle_scripts,
     character_body,
     deflate_base64,
-    fill_template,
+    filled_pieces,
     mannequin_body,
     page_part,
     to_script_json,
@@ -60,6 +60,7 @@ _SCRIPTS = (
 _STEPS = 100  # of its progress
 _LEVELS_PER_S = 50
 _NETWORK = "rollout network"  # shown instead of the name of a take
+_WRITTEN_AT_ONCE = 1 << 20  # characters
 _LENGTH_SLACK_S = 0.1  # the plan has the song's length, the motion a whole number of frames
 
 
@@ -121,8 +122,13 @@ def write_page(
     filmed = {} if camera is None else {"shots": camera_facts(camera)}
     dance = {**head, **body.facts, "levels_per_s": levels_per_s, **shown, **filmed}
     text = _page_text(title, body, to_script_json(dance), levels, sound)
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", errors="replace", newline="\n")
+    with (
+        atomic_path(path) as temporary,
+        temporary.open("w", encoding="utf-8", errors="replace", newline="\n") as file,
+    ):
+        for piece in text:
+            for begin in range(0, len(piece), _WRITTEN_AT_ONCE):
+                file.write(piece[begin : begin + _WRITTEN_AT_ONCE])
     if report is not None:
         report(_STEPS, _STEPS)
 
@@ -235,10 +241,10 @@ def _block(block: Block, take: int, duration_s: float) -> dict[str, Any]:
     return shown | {"motif": planned.motif, "pinned": planned.pinned, "costs": {}}
 
 
-def _page_text(title: str, body: PageBody, dance: str, levels: str, sound: str) -> str:
-    """The page's template, filled."""
+def _page_text(title: str, body: PageBody, dance: str, levels: str, sound: str) -> Iterator[str]:
+    """Pieces of the page's template, filled."""
     elements = [f'<script type="text/plain" id="{name}">{text}</script>' for name, text in body.data.items()]
-    return fill_template(
+    return filled_pieces(
         page_part("index.html"),
         generator=DANCE_GENERATOR,
         title=html.escape(title),

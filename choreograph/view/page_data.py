@@ -6,7 +6,7 @@ import base64
 import json
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from typing import Any
@@ -141,8 +141,13 @@ def to_script_json(data: Any) -> str:
 
 def fill_template(template: str, **parts: str) -> str:
     """The template with every `@@name@@` replaced. The inserted texts are not searched again."""
-    pieces = template.split("@@")
-    return "".join(parts[piece] if i % 2 else piece for i, piece in enumerate(pieces))
+    return "".join(filled_pieces(template, **parts))
+
+
+def filled_pieces(template: str, **parts: str) -> Iterator[str]:
+    """The pieces of `fill_template` in order, since the sound of a long song is large."""
+    for i, piece in enumerate(template.split("@@")):
+        yield parts[piece] if i % 2 else piece
 
 
 # The mannequin, or a character that three.js draws.

@@ -47,6 +47,7 @@ _SMOOTH_S = 0.02
 SMOOTH_HEADING_S = 0.08
 SHIFT_S = 0.1  # of locked feet. Generated motion is so smooth that fast shifts add no motion beats
 STEER_FRAMES = 2 * ROLLOUT_FPS  # path and heading ahead are those of the next two seconds
+_SMOOTHED_COLUMNS = 8  # at once
 _EMBEDDED_FRAMES = 512  # whose conditions are embedded at once
 _MAX_STEER_RAD = 0.4  # per word, over all of it
 
@@ -237,7 +238,9 @@ def _on_stage(
 
     The heading that is steered to the front is the mean of the next two seconds, so that figures may turn.
     """
-    rows = gaussian_filter(poses.astype(np.float64), _SMOOTH_S * ROLLOUT_FPS)
+    rows: Floats = np.empty(poses.shape)
+    for columns in frame_blocks(poses.shape[1], _SMOOTHED_COLUMNS):
+        rows[:, columns] = gaussian_filter(poses[:, columns].astype(np.float64), _SMOOTH_S * ROLLOUT_FPS)
     rows[:, 3] = gaussian_filter(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS)
     rows[0, 3] = 0.0
     bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
