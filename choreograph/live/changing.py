@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -21,6 +20,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.errors import ChoreographError
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.live.requests import Request
+from choreograph.live.stream import stay_behind
 from choreograph.live.vmc import VmcBody
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import lock_feet
@@ -113,7 +113,7 @@ _DANCES: dict[int, Dance] = {}
 
 
 def _open(song: Path, repertoire: tuple[Path, ...], dance: Dance) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that sends
+    stay_behind()
     _SESSIONS.append(Session(song, repertoire))  # type: ignore[arg-type]
     _DANCES[0] = dance
 

@@ -11,7 +11,6 @@ tracking system with zero latency and enhanced controllability* (2024), who also
 
 from __future__ import annotations
 
-import signal
 from collections import deque
 from dataclasses import dataclass, replace
 
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ
 from choreograph.live.beat_clock import BeatClock
+from choreograph.live.stream import stay_behind
 from choreograph.music.bars import track_bars
 from choreograph.music.mel import MEL_BANDS, MEL_WINDOW, log_mel_of_windows
 from choreograph.music.metrical_level import with_eighths
@@ -202,7 +202,7 @@ _LISTENERS: list[OnlineBeats] = []
 
 def open_listener() -> None:
     """Open a follower of beats in this process, for `hear_here`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that sends
+    stay_behind()
     _LISTENERS.append(OnlineBeats())
 
 

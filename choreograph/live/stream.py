@@ -2,9 +2,36 @@
 
 from __future__ import annotations
 
+import gc
+import os
+import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+
+_BEHIND = 5  # by which processes that plan come after the one that sends
+
+
+@contextmanager
+def short_collections() -> Iterator[None]:
+    """Garbage collections in the block look only at objects that are made in it.
+
+    After a dance was made there are 150,000 others, and a collection of all takes longer than two frames.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+
+
+def stay_behind() -> None:
+    """Let the process that sends run first where this one plans, and let it alone end by Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(os, "nice"):  # not on Windows
+        os.nice(_BEHIND)
 
 
 @dataclass(frozen=True)
@@ -27,11 +54,23 @@ def send_frames(
 ) -> Sent:
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
-    `send` is called with the frame and the time in the song. Without a number of
-    frames, they go on until `ended`.
+    `send` is called with the frame and the time in the song. Without a number of frames, they go on until
+    `ended`.
     `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
     so that errors do not add up.
     """
+    with short_collections():
+        return _sent_frames(n_frames, fps, send, song_s, sleep, ended)
+
+
+def _sent_frames(
+    n_frames: int | None,
+    fps: float,
+    send: Callable[[int, float], None],
+    song_s: Callable[[], float],
+    sleep: Callable[[float], None],
+    ended: Callable[[], bool],
+) -> Sent:
     n_sent, n_skipped, latest_s, frame = 0, 0, 0.0, 0
     while not ended() and (n_frames is None or frame < n_frames):
         due_s = frame / fps

@@ -8,7 +8,6 @@ predicted.
 
 from __future__ import annotations
 
-import signal
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -31,6 +30,7 @@ from choreograph.library.builtin import as_repertoire
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.live.changing import with_feet_locked
+from choreograph.live.stream import stay_behind
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
@@ -175,7 +175,7 @@ _PLANNERS: list[PartPlanner] = []
 
 def open_planner(repertoire: tuple[Path, ...]) -> None:
     """Open a repertoire in this process, for `plan_here`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the process that sends
+    stay_behind()
     _PLANNERS.append(PartPlanner(as_repertoire(repertoire)))
 
 

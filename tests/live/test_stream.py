@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import socket
 import threading
 import time
@@ -115,6 +116,13 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     assert_one_line(run("live", song, "--pcm", "44100:2:s16"), says="expected a SONG, or --input")
     assert_one_line(run("live", song, "--input", "-"), says="expected --input without SONG")
     assert_one_line(run("live", "--input", "-", "--pcm", "mp3"), says="RATE:CHANNELS:ENCODING")
+
+
+def test_a_collection_between_frames_does_not_look_at_what_was_made_before():
+    made, frozen = [[] for _ in range(20_000)], []
+    before = gc.get_freeze_count()
+    send_frames(3, 1000.0, lambda *_: frozen.append(gc.get_freeze_count()), song_s=lambda: 1.0)
+    assert min(frozen) >= before + len(made) and gc.get_freeze_count() == 0
 
 
 def test_frames_go_on_until_they_are_ended():
