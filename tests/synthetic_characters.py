@@ -75,6 +75,9 @@ class Spec:
     twist: bool = False  # twist bones in arms and legs
     posed: bool = False  # saved with an arm and a knee bent
     vrm: bool = False
+    fingers: str = (
+        ""  # names of their bones, such as "{Side}Hand{Finger}{n}", or "" for hands without fingers
+    )
     left_out: tuple[str, ...] = ("left_hand", "right_hand")
     extra: dict[str, str] = field(default_factory=dict)
 
@@ -166,6 +169,17 @@ def bones_of(spec: Spec) -> Made:
         index[name] = add(spec.names[name], above, pos_m[joint], name)
     for a, b, name in _twisted(spec):
         add(name, index[a], 0.5 * (at[a] + at[b]))
+    for side in ("left", "right") if spec.fingers else ():
+        wrist_m, arm = at[f"{side}_wrist"], at[f"{side}_wrist"] - at[f"{side}_elbow"]
+        along = arm / np.linalg.norm(arm)
+        front = rot.rotate(rot.about_y(spec.heading_rad), np.array([0.0, 0.0, 1.0]))
+        for finger, out in zip(("Thumb", "Index", "Middle", "Ring", "Pinky"), range(2, -3, -1), strict=True):
+            above = index[f"{side}_wrist"]
+            start_m = wrist_m + (0.02 if finger == "Thumb" else 0.09) * along + 0.02 * out * front
+            way = along + front if finger == "Thumb" else along
+            for number in range(4):
+                name = spec.fingers.format(Side=side.title(), s=side[0], Finger=finger, n=number + 1)
+                above = add(name, above, start_m + 0.03 * number * way / np.linalg.norm(way))
     if spec.root:
         foot_root = add("ik_foot_root", root, np.zeros(3))
         for side in ("left", "right"):

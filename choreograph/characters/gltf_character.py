@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from choreograph.characters.fingers import HandSpan, hand_spans
 from choreograph.characters.performance import Performance, leg_m, perform
-from choreograph.core.arguments import check_kind, check_text
+from choreograph.core.arguments import as_list, check_kind, check_text
+from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
@@ -59,13 +61,18 @@ class GltfCharacter:
         """The mean length of both legs, from hip to ankle along the bones."""
         return sum(leg_m(self.rig, self.bones, side) for side in ("left", "right")) / 2
 
-    def dancing(self, motion: Motion, name: str = "dance") -> GltfDocument:
+    def dancing(self, motion: Motion, name: str = "dance", figures: Sequence[Figure] = ()) -> GltfDocument:
         """The document with a dance of the character as its only animation.
+
+        Fingers, if it has any, are relaxed, or open or closed by the names of the `figures` that are danced.
 
         Raises `ParameterError` if the bones of the body are not all below the pelvis.
         """
         check_text("the name of an animation", name)
-        return self.dancing_clips({name: motion})
+        figures = as_list("the figures of a dance", figures, "Figure", Figure)
+        document = self._without_animations()
+        self._animate(document, self._performed(motion, hand_spans(figures)), name)
+        return document
 
     def dancing_clips(self, motions: Mapping[str, Motion]) -> GltfDocument:
         """The document with motions of the character, by their names, as its only animations.
@@ -75,13 +82,15 @@ class GltfCharacter:
         check_kind("motions by their names", motions, Mapping)
         document = self._without_animations()
         for name, motion in motions.items():
-            check_kind("a motion", motion, Motion)
-            try:
-                performance = perform(motion, self.rig, self.bones, self.skin)
-            except ParameterError as error:
-                raise ParameterError(f"{self.document.name}: {error}") from None
-            self._animate(document, performance, name)
+            self._animate(document, self._performed(motion), name)
         return document
+
+    def _performed(self, motion: Motion, hands: Sequence[HandSpan] = ()) -> Performance:
+        check_kind("a motion", motion, Motion)
+        try:
+            return perform(motion, self.rig, self.bones, self.skin, hands)
+        except ParameterError as error:
+            raise ParameterError(f"{self.document.name}: {error}") from None
 
     def with_animation(self, performance: Performance, name: str) -> GltfDocument:
         """The document with a performance as its only animation, called `name`."""

@@ -9,13 +9,14 @@ dancer's.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.characters.feet_and_hands import body_parts, keep_hands_out, placed_feet, sole_offsets_m
+from choreograph.characters.fingers import HandSpan, with_fingers
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.formats.gltf_rig import Rig, SkinPoints, rotations_of
@@ -28,8 +29,8 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
-# Helper bones. Twist bones share the roll of a limb, and IK bones follow hands and feet. All others, such as
-# those of fingers and faces, keep their local transforms.
+# Helper bones. Twist bones share the roll of a limb, and IK bones follow hands and feet. Fingers
+# have poses of their own. All others, such as those of faces, keep their local transforms.
 
 
 _TWIST = re.compile(r"twist|roll", re.IGNORECASE)
@@ -116,9 +117,15 @@ class Performance:
 
 
 def perform(
-    motion: Motion, rig: Rig, bones: Mapping[str, int], skin: SkinPoints | None = None
+    motion: Motion,
+    rig: Rig,
+    bones: Mapping[str, int],
+    skin: SkinPoints | None = None,
+    hands: Sequence[HandSpan] = (),
 ) -> Performance:
     """The motion on a rig with the given `bones` by canonical joint. Hands stay out of its `skin`.
+
+    Fingers, if there are any, have the shapes of `hands`, and are relaxed elsewhere.
 
     Raises `ParameterError` if bones of the body are not below the pelvis.
     """
@@ -137,7 +144,8 @@ def perform(
         front = rot.rotate(facing, _FRONT)
         figure = keep_hands_out(figure, body_parts(skeleton, bone_of_joint, skin, front), front)
     joint_of = {bone: joint for joint, bone in enumerate(bone_of_joint)}
-    return _on_bones(_with_twist(figure, rig, bones, joint_of), rig, bones, joint_of)
+    figure = with_fingers(_with_twist(figure, rig, bones, joint_of), rig, bones, joint_of, hands)
+    return _on_bones(figure, rig, bones, joint_of)
 
 
 def figure_skeleton(rig: Rig, bones: Mapping[str, int]) -> tuple[Skeleton, list[int]]:

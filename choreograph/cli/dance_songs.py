@@ -127,12 +127,13 @@ class SongDances:
     def _rendered(self, repertoire: Repertoire) -> Dance:
         """The dance of the plan, with the sound of a song if there is one."""
         import choreograph as cg
+        from choreograph.pipeline.figures import danced_figures
         from choreograph.pipeline.keeping import render_file
 
         assert self.plan_path is not None
         plan, motion = render_file(self.plan_path, repertoire, self.asked.existing)
         notes = () if self.sound else ("no SONG was given with the plan: pages and videos are silent",)
-        return cg.Dance(motion, plan, notes, self.sound)
+        return cg.Dance(motion, plan, notes, self.sound, figures=danced_figures(plan, repertoire))
 
 
 def with_checked_requests(dances: SongDances, jobs: Sequence[Job]) -> SongDances:

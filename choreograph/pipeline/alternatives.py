@@ -13,6 +13,7 @@ from choreograph.motion.body import body_pos_m, clips_to_root_frame
 from choreograph.motion.motion import Motion
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, planned_edit
+from choreograph.pipeline.figures import danced_figures
 from choreograph.render.assembly import off_stage
 
 _COMPARED_FPS = 20.0  # of the rendered alternatives
@@ -77,7 +78,8 @@ def alternatives(
         shown_m.append(poses_m)
         looked.append(piece)
         plan = replace(dance.plan, edits=(*dance.plan.edits, planned))
-        other = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path)
+        figures = danced_figures(plan, repertoire)
+        other = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path, figures=figures)
         made.append(Alternative(other, planned.start_s, planned.end_s, piece.costs, piece.why))
     return tuple(made)
 

@@ -24,6 +24,7 @@ from choreograph.choreography.material import choose_material, missing_from_plan
 from choreograph.choreography.slots import resolve
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
@@ -41,14 +42,8 @@ from choreograph.motion.cameras import CameraMode, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import KnownSong, Song, as_song, check_span
-from choreograph.pipeline.keeping import (
-    ExistingDance,
-    fill,
-    kept_parts,
-    moved_pins,
-    part_of,
-    read_existing,
-)
+from choreograph.pipeline.figures import danced_figures, figures_from
+from choreograph.pipeline.keeping import ExistingDance, fill, kept_parts, moved_pins, part_of, read_existing
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.assembly import off_stage
@@ -81,12 +76,14 @@ class Dance:
     notes: tuple[str, ...] = ()  # on what is unusual, one line each
     song_path: Path | None = None  # for the sound of pages and videos, which are silent without it
     unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each, also in notes
+    figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, which say what the hands do
 
     def __post_init__(self) -> None:
         check_kind("the motion of a dance", self.motion, Motion)
         check_kind("the plan of a dance", self.plan, Plan)
         if self.song_path is not None:
             object.__setattr__(self, "song_path", as_path("the song of a dance", self.song_path))
+        object.__setattr__(self, "figures", as_list("figures of a dance", self.figures, "Figure", Figure))
         for name in ("notes", "unmet"):
             object.__setattr__(self, name, as_texts(f"{name} of a dance", getattr(self, name)))
 
@@ -153,7 +150,7 @@ class Dance:
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh,
             camera=None if camera is None else plan_cameras([motion], camera, borders_s),
-            target=target, loops=loop,
+            target=target, loops=loop, figures=figures_from(self.figures, from_s),
         )  # fmt: skip
         save_dance(path, parts, report)
 
@@ -385,7 +382,7 @@ def _danced(
     notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
     return_memory(song_features.duration_s)
-    return Dance(motion, result.plan, notes, song.path, result.unmet)
+    return Dance(motion, result.plan, notes, song.path, result.unmet, danced_figures(result.plan, repertoire))
 
 
 def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:

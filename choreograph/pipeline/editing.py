@@ -41,6 +41,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
+from choreograph.pipeline.figures import danced_figures
 from choreograph.pipeline.keeping import kept_file_plan, part_of, read_existing
 from choreograph.pipeline.rearranging import hold, moved_join, repetition
 from choreograph.plan_parts import TOUCH_S, PlannedEdit
@@ -178,7 +179,8 @@ class Editor:
     def dance(self) -> Dance:
         """The dance with the edits that were made so far."""
         notes = (*off_stage(self.motion, self.plan.stage), *self.unmet)
-        return Dance(self.motion, self.plan, notes, self._song_path, self.unmet)
+        figures = danced_figures(self.plan, self.repertoire)
+        return Dance(self.motion, self.plan, notes, self._song_path, self.unmet, figures)
 
     def make(self, one: EditRequest) -> None:
         """Make one edit. Raises as `edit`."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.characters.gltf_character import GltfCharacter
-from choreograph.core.counts import bars_of
+from choreograph.core.counts import Figure, bars_of
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart, check_target, ends_of
 from choreograph.core.progress import ProgressReport, substage
@@ -67,6 +67,7 @@ class SavedParts:
     camera: CameraPath | None = None  # that films it
     target: TargetName | None = None  # the program that it is for
     loops: bool = False  # whether the motion ends where it begins
+    figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, for the hands of a character
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -82,10 +83,10 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
     suffix = format_of(path)
     if suffix in ("glb", "fbx") and character is not None:
         if parts.target is None:
-            document = character.dancing(parts.motion)
+            document = character.dancing(parts.motion, figures=parts.figures)
         else:
             motion = placed(parts.motion, TARGETS[parts.target])
-            document = character.dancing(motion, _clip_name(parts, parts.target))
+            document = character.dancing(motion, _clip_name(parts, parts.target), parts.figures)
         if suffix == "glb" and parts.camera is not None:
             document = with_camera(document, parts.camera)
         save_document(path, as_dance(document))
@@ -205,17 +206,17 @@ def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> 
         report("writing the page", 0, 0)
     write_page(
         path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s(),
-        character=None if parts.character is None else _in_page(parts.character, parts.motion),
+        character=None if parts.character is None else _in_page(parts.character, parts),
         camera=parts.camera,
         report=substage(report, "writing the page"),
     )  # fmt: skip
 
 
-def _in_page(character: GltfCharacter, motion: Motion) -> PageCharacter:
+def _in_page(character: GltfCharacter, parts: SavedParts) -> PageCharacter:
     from choreograph.view.page_data import PageCharacter
 
     nodes = {name: character.nodes[bone] for name, bone in character.bones.items()}
-    return PageCharacter(character.dancing(motion), nodes)
+    return PageCharacter(character.dancing(parts.motion, figures=parts.figures), nodes)
 
 
 def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:

@@ -24,6 +24,7 @@ from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, edit, planned_edit
+from choreograph.pipeline.figures import danced_figures
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.first_part import FirstPart
@@ -361,7 +362,8 @@ class Desk:
         _, dance = self.current()
         plan = replace(dance.plan, edits=(*dance.plan.edits, one))
         motion = with_edit(dance.motion, plan, one, take_motions(self.state.repertoire))
-        made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path)
+        figures = danced_figures(plan, self.state.repertoire)
+        made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path, figures=figures)
         self._with_dance(request, made, self.project.settings, edited=True)
 
     def move(self, revision: int, *, back: bool) -> None:

@@ -12,6 +12,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance, dance_with
+from choreograph.pipeline.figures import danced_figures
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.assembly import off_stage
@@ -47,7 +48,8 @@ class StepDances:
         """The dance of a step, with the takes of the repertoire of its settings."""
         plan = step.plan()
         motion = self._motion(project, step, plan, repertoire, song, report)
-        return Dance(motion, plan, off_stage(motion, plan.stage), song.path)
+        figures = danced_figures(plan, repertoire)
+        return Dance(motion, plan, off_stage(motion, plan.stage), song.path, figures=figures)
 
     def made(
         self,
