@@ -74,7 +74,7 @@ def command(
     sound = songs[0] if plan_path is not None and songs else None
     dances = SongDances(db, asked, files, variations, strict, plan_path, sound)
     _check_character(dances, first)
-    _check_target(files.target, first)
+    _check_target(files.target, jobs, inputs)
     dances = with_checked_requests(dances, jobs)
     with_lines = files.as_json and not files.quiet
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
@@ -96,12 +96,20 @@ def _shared(inputs: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
     return [path for path in inputs if path not in songs]
 
 
-def _check_target(target: str | None, outputs: tuple[Path, ...]) -> None:
-    """Raise `ParameterError` if no output is one that the program of --for reads."""
+def _check_target(target: str | None, jobs: Sequence[Job], inputs: Sequence[Path]) -> None:
+    """Raise `ParameterError` if the program of --for reads no output, or the sound beside it has no place."""
     from choreograph.formats.targets import check_target_format, reads
+    from choreograph.pipeline.saving import sound_beside
 
-    if target is not None and not any(reads(target, path) for path in outputs):
-        check_target_format(target, outputs[0])
+    if target is None:
+        return
+    for job in jobs:
+        paths = [path for paths in job.outputs for path in paths]
+        read = [path for path in paths if reads(target, path)]
+        if not read:
+            check_target_format(target, paths[0])
+        for path in read if target == "mmd" else ():
+            sound_beside(path, inputs)
 
 
 def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:

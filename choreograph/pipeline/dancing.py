@@ -150,7 +150,7 @@ class Dance:
         parts = SavedParts(
             motion, self.plan, lambda: self.motion_beats_s, self.song_path, click, character, bvh,
             camera=None if camera is None else plan_cameras([motion], camera, borders_s),
-            target=target, loops=loop, figures=figures_from(self.figures, from_s),
+            target=target, loops=loop, figures=figures_from(self.figures, from_s), from_s=from_s,
         )  # fmt: skip
         save_dance(path, parts, report)
 

@@ -66,6 +66,7 @@ class SavedParts:
     others: tuple[Motion, ...] = ()  # further dancers of a scene, in a video or in pictures
     camera: CameraPath | None = None  # that films it
     target: TargetName | None = None  # the program that it is for
+    from_s: float = 0.0  # where the motion begins in the dance of the plan
     loops: bool = False  # whether the motion ends where it begins
     figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, for the hands of a character
 
@@ -95,9 +96,39 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         writer.is_dance, writer.camera = True, parts.camera
         if isinstance(writer, GlbWriter) and parts.target is not None:
             writer.target, writer.clip = TARGETS[parts.target], _clip_name(parts, parts.target)
+        sound = None
+        if suffix == "vmd" and parts.target is not None and parts.song_path is not None:
+            sound = sound_beside(path, [parts.song_path])
         save_motion(path, parts.motion, writer=writer)
+        if sound is not None:
+            _save_sound(parts, sound)
     else:
         _SAVERS[suffix].save(parts, Path(path), report)
+
+
+def sound_beside(path: str | Path, inputs: Sequence[Path]) -> Path:
+    """The WAV file beside a .vmd, which players of MikuMikuDance load after it.
+
+    Raises `ParameterError` if it is one of the `inputs`, or a file beside which there is no such dance.
+    """
+    sound = Path(path).with_suffix(".wav")
+    check_apart([sound], inputs)
+    if sound.exists() and not (Path(path).exists() and is_saved_dance(path)):
+        raise ParameterError(
+            f"expected no file {sound}, where the sound of {path} is written: use another -o"
+        )
+    return sound
+
+
+def _save_sound(parts: SavedParts, path: Path) -> None:
+    """Write the danced part of the song as WAV."""
+    from choreograph.view.sound import song_part, write_wav
+
+    assert parts.song_path is not None
+    start_s = parts.plan.start_s + parts.from_s
+    with atomic_path(path) as temporary:
+        part = song_part(parts.song_path, start_s=start_s, duration_s=parts.motion.duration_s)
+        write_wav(temporary, part)
 
 
 def _clip_name(parts: SavedParts, target: TargetName) -> str:

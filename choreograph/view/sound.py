@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import wave
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -141,6 +142,16 @@ class Levels:
         """Peak and RMS (bins, 2). 255 is the loudest peak of the song."""
         levels = np.stack([self._peaks, self._powers], axis=1)  # (bins, 2)
         return np.round(255 * levels / max(float(levels.max(initial=0.0)), 1e-4)).astype(np.uint8)
+
+
+def write_wav(path: Path, part: SongPart) -> None:
+    """Write a WAV file of 16 bits. Raises `FormatError` if the song is damaged."""
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(part.n_channels)
+        file.setsampwidth(2)
+        file.setframerate(part.rate_hz)
+        for block in part.blocks:
+            file.writeframesraw((block.clip(-1.0, 1.0) * 32767.0).round().astype("<i2").tobytes())
 
 
 def encode_mp4(part: SongPart) -> bytes:

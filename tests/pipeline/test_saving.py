@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import soundfile
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 from synthetic_pages import plan_for
@@ -63,6 +64,35 @@ def test_without_bars_beats_are_numbered(tmp_path, drawn):
     assert drawn["labels"][:2] == ["beat 1 · 0.0 s", "beat 3 · 1.0 s"]
     _strip(tmp_path, 3.0, music_beats_s=())
     assert (drawn["times_s"], drawn["labels"]) == ([0.0, 1.0, 2.0], None)
+
+
+def test_mmd_gets_the_danced_part_of_the_song(tmp_path):
+    sound = np.sin(np.arange(3 * 8000) / 9)[:, None] * [0.5, 0.25]
+    soundfile.write(tmp_path / "song.flac", sound, 8000, subtype="PCM_16")
+    motion = swaying(30, fps=30.0)
+    plan = replace(plan_for(motion), start_s=0.5)
+    parts = SavedParts(motion, plan, lambda: np.zeros(0), tmp_path / "song.flac", target="mmd", from_s=0.25)
+    save_dance(tmp_path / "a.vmd", parts)
+    wav, rate_hz = soundfile.read(tmp_path / "a.wav")
+    assert rate_hz == 8000 and soundfile.info(tmp_path / "a.wav").subtype == "PCM_16"
+    np.testing.assert_allclose(wav, sound[6000:14000], atol=2e-4)
+    save_dance(tmp_path / "a.vmd", parts)  # both are replaced
+    save_dance(tmp_path / "b.vmd", replace(parts, target=None))
+    assert not (tmp_path / "b.wav").exists()
+    save_dance(tmp_path / "c.vmd", replace(parts, song_path=None))
+    assert not (tmp_path / "c.wav").exists()
+
+
+def test_the_sound_beside_a_dance_replaces_no_other_file(tmp_path):
+    parts = SavedParts(
+        swaying(30), plan_for(swaying(30)), lambda: np.zeros(0), tmp_path / "song.wav", target="mmd"
+    )
+    for name in ("song.wav", "mine.wav"):
+        (tmp_path / name).write_bytes(b"mine")
+        with pytest.raises(ParameterError):
+            save_dance((tmp_path / name).with_suffix(".vmd"), parts)
+        assert (tmp_path / name).read_bytes() == b"mine"
+    assert not list(tmp_path.glob("*.vmd"))
 
 
 OPTIONS = {
