@@ -59,6 +59,7 @@ export class Build {
       this.log.textContent = [...lines, ...log].join("\n");
       this.log.scrollTop = this.log.scrollHeight;
     };
+    this.log.scrollIntoView({ block: "nearest" });
     const result = await this.jobs.finish(await post(path, body), label, { onLog });
     lines.push(...latest);
     return result;

@@ -15,6 +15,7 @@ export class Character {
     file.addEventListener("change", () => { if (file.files[0]) this.send(file.files[0]); file.value = ""; });
     document.getElementById("character-choose").addEventListener("click", () => file.click());
     store.addEventListener("state", () => this.show());
+    new ResizeObserver(() => this.#drawNewest()).observe(this.skeleton); // also once its tab is opened
   }
 
   send(file) {
@@ -32,7 +33,12 @@ export class Character {
     this.shown = key;
     this.skeleton.hidden = !character || !dance;
     this.bones.replaceChildren(...(character ? this.#rows(character) : []));
-    if (character && dance) this.#draw(dance, character, null);
+    this.#drawNewest();
+  }
+
+  #drawNewest(pointed = null) {
+    const { character, dance } = this.store.state ?? {};
+    if (character && dance) this.#draw(dance, character, pointed);
   }
 
   #rows({ bones, all_bones: names, joints }) {
@@ -44,7 +50,7 @@ export class Character {
       const swatch = createElement("i", "swatch");
       swatch.style.setProperty("--bone", colourOf(joint));
       const row = createElement("label", "row", [swatch, createElement("span", "", [joint.replaceAll("_", " ")]), select]);
-      const point = (on) => this.#draw(this.store.dance, this.store.state.character, on ? joint : null);
+      const point = (on) => this.#drawNewest(on ? joint : null);
       for (const name of ["pointerenter", "focusin"]) row.addEventListener(name, () => point(true));
       for (const name of ["pointerleave", "focusout"]) row.addEventListener(name, () => point(false));
       return row;
@@ -59,7 +65,6 @@ export class Character {
 
   // The rest pose of the dance's skeleton: joints with a bone are filled, the pointed one is larger.
   #draw(dance, character, pointed) {
-    if (!dance || !character) return;
     const places = restPose(dance), canvas = this.skeleton;
     const ratio = devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width) return;
