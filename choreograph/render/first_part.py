@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan import Plan
 from choreograph.render.dynamics import STOP_EASE_S, scaled_root
 from choreograph.render.held_poses import copied
+from choreograph.render.runs import Run
 from choreograph.render.transitions import Joins
 
 _BESIDE_S = 2.0  # of the dance on either side, on which amplitudes and locked feet of the part depend
@@ -30,12 +31,18 @@ class FirstPart:
     end_s: float
     tell: Callable[[Motion, float], None]
 
+    def runs_of(self, runs: Sequence[Run]) -> Sequence[Run]:
+        """The runs of a dance until after the part, which are assembled first. None if they are most of it."""
+        later = (index for index, run in enumerate(runs) if run.start_s > self.end_s + 2 * _BESIDE_S)
+        n_needed = next(later, len(runs)) + 1
+        return runs[:n_needed] if n_needed <= len(runs) / 2 else ()
+
     def show(
         self, motion: Motion, joins: Joins, plan: Plan, finish: Callable[[Motion, Joins, Plan], Motion]
     ) -> None:
-        """Finish the part of an assembled dance, which stays as it is, and tell of it.
+        """Finish the part of a dance, assembled until after it or to its end, and tell of it.
 
-        `finish` adds the dynamics of a plan to a motion and locks its feet.
+        `motion` stays as it is. `finish` adds the dynamics of a plan to a motion and locks its feet.
         """
         fps, n_frames = motion.fps, motion.n_frames
         from_s = _beside_s(plan, self.start_s)

@@ -156,19 +156,20 @@ def render_from(
 
     The functions `read_motion` and `sample` read takes and sample runs. A `first` part is shown early.
     """
-    motion, joins = assemble(
-        plan_runs(plan),
-        read_motion,
-        fps=plan.fps,
-        duration_s=plan.duration_s,
-        blending=plan.blending,
-        stage=plan.stage,
-        to_front=plan.front == "audience",
-        sample=sample,
-        report=part(report, 0, 70, _STEPS),
-    )
+    runs = plan_runs(plan)
+    near = [] if first is None else first.runs_of(runs)
+
+    def assembled(some: Sequence[Run], report: StepReport | None = None) -> tuple[Motion, Joins]:
+        return assemble(
+            some, read_motion, fps=plan.fps, duration_s=plan.duration_s, blending=plan.blending,
+            stage=plan.stage, to_front=plan.front == "audience", sample=sample, report=report,
+        )  # fmt: skip
+
+    if first is not None and near:
+        first.show(*assembled(near), plan, with_dynamics)
+    motion, joins = assembled(runs, part(report, 0, 70, _STEPS))
     return_memory(plan.duration_s)
-    if first is not None:
+    if first is not None and not near:
         first.show(motion, joins, plan, with_dynamics)
     motion = with_dynamics(motion, joins, plan)
     if report is not None:

@@ -12,6 +12,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.dancing import dance_with
 from choreograph.render.first_part import FirstPart, part_of_plan
 from choreograph.render.rendering import render_planned
+from choreograph.render.runs import Run
 
 LENGTH_S = 3.0
 
@@ -45,6 +46,33 @@ def test_a_part_is_that_of_the_whole_dance(dance, repertoire, start_s):
     apart_m = np.linalg.norm(body_pos_m(part) - body_pos_m(same), axis=-1)
     assert apart_m.mean() < 2e-3 and apart_m.max() < 0.03
     assert np.abs(part.root_pos_m - same.root_pos_m).max() < 5e-3
+
+
+def test_few_runs_before_the_end_of_a_part_are_assembled_first(dance, repertoire):
+    times_s = np.linspace(0.0, 2.0, 41)
+    runs = [Run("a", 2.0 * i, 2.0 * i + 2.0, times_s) for i in range(20)]
+    assert FirstPart(1.0, 4.0, print).runs_of(runs) == runs[:6]  # the last one begins 4 s after the part
+    assert FirstPart(30.0, 34.0, print).runs_of(runs) == ()
+    assert FirstPart(1.0, 4.0, print).runs_of(runs[:3]) == ()
+
+
+def test_a_part_of_few_runs_is_that_of_the_whole_dance(dance, repertoire, monkeypatch):
+    whole = FirstPart.runs_of
+    monkeypatch.setattr(FirstPart, "runs_of", lambda self, runs: [])
+    [(expected, _)], _ = shown(dance, repertoire, 0.5, 1.5)
+    counts = []
+
+    def few(self, runs):
+        found = whole(self, [*runs, *runs])  # as if the dance were twice as long
+        counts.append((len(found), len(runs)))
+        return found
+
+    monkeypatch.setattr(FirstPart, "runs_of", few)
+    [(part, _)], rendered = shown(dance, repertoire, 0.5, 1.5)
+    assert 0 < counts[0][0] < counts[0][1]
+    assert part.local_quat.tobytes() == expected.local_quat.tobytes()
+    assert part.root_pos_m.tobytes() == expected.root_pos_m.tobytes()
+    assert rendered.local_quat.tobytes() == dance.motion.local_quat.tobytes()
 
 
 def test_nothing_is_told_beyond_the_end(dance, repertoire):

@@ -20,6 +20,9 @@ from choreograph.studio import builds
 
 pytestmark = pytest.mark.slow
 
+SKELETON_IS_DRAWN = """(({ width, height }, context) => context.getImageData(0, 0, width, height).data.some(Boolean))(
+  document.getElementById('skeleton'), document.getElementById('skeleton').getContext('2d'))"""
+
 
 def exported(page, folder):
     """Press the button of the export panel, and save the file that is downloaded."""
@@ -145,6 +148,7 @@ def test_a_bone_is_changed_and_the_character_is_written_for_blender(browser, tmp
         until(page, "window.studio !== undefined")
         shown(page, "!('head' in studio.bones)")
         page.click("#tab-character")
+        until(page, SKELETON_IS_DRAWN)
         select_head.select_option(before)
         until(page, f"studio.bones.head === {json.dumps(before)}")
         shown(page)

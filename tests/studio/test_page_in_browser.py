@@ -11,6 +11,11 @@ from studio_pages import PHONE, WIDE, opening, outside, select, shown, until
 pytestmark = pytest.mark.slow
 
 
+LONG_JOB = """document.getElementById('jobs').innerHTML =
+  '<div class="job"><b>Building the repertoire</b><span class="stage">measuring what the takes dance</span>' +
+  '<progress max="1"></progress><button type="button">Cancel</button></div>'"""
+
+
 def choose(page, index: int) -> None:
     until(page, f"document.querySelectorAll('#alternatives button').length > {index}")
     revision = page.evaluate("studio.revision")
@@ -140,6 +145,9 @@ def test_a_second_page_shows_what_the_first_changes(danced, browser):
 def test_everything_is_within_the_window_and_has_a_name(danced, browser, size, scheme):
     with opening(browser, danced, size, color_scheme=scheme, reduced_motion="reduce") as page:
         shown(page)
+        page.evaluate(LONG_JOB)
+        job = page.locator(".job").bounding_box()
+        assert job["x"] >= 0 and job["x"] + job["width"] <= size[0]
         for tab in page.locator("#rail button:visible").all():
             tab.click()
             wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")

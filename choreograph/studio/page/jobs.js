@@ -72,6 +72,7 @@ class Row {
     this.bar = createElement("progress");
     this.bar.max = 1;
     this.bar.setAttribute("aria-label", label);
+    this.label = label;
     this.stage = createElement("span", "stage");
     const button = createElement("button", "", ["Cancel"]);
     button.type = "button";
@@ -80,7 +81,7 @@ class Row {
   }
 
   show({ stage, done, total }) {
-    this.stage.textContent = stage ?? "";
+    this.stage.textContent = stage?.toLowerCase() === this.label.toLowerCase() ? "" : stage ?? "";
     if (total > 0) this.bar.value = done / total;
   }
 }
