@@ -32,7 +32,7 @@ class FirstPart:
     tell: Callable[[Motion, float], None]
 
     def runs_of(self, runs: Sequence[Run]) -> Sequence[Run]:
-        """The runs of a dance until after the part, which are assembled first. None if they are most of it."""
+        """The runs of a dance until after the part, which are assembled first, if they are few."""
         later = (index for index, run in enumerate(runs) if run.start_s > self.end_s + 2 * _BESIDE_S)
         n_needed = next(later, len(runs)) + 1
         return runs[:n_needed] if n_needed <= len(runs) / 2 else ()

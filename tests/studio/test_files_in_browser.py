@@ -20,8 +20,10 @@ from choreograph.studio import builds
 
 pytestmark = pytest.mark.slow
 
-SKELETON_IS_DRAWN = """(({ width, height }, context) => context.getImageData(0, 0, width, height).data.some(Boolean))(
-  document.getElementById('skeleton'), document.getElementById('skeleton').getContext('2d'))"""
+SKELETON_IS_DRAWN = """(() => {
+  const canvas = document.getElementById('skeleton'), { width, height } = canvas;
+  return canvas.getContext('2d').getImageData(0, 0, width, height).data.some(Boolean);
+})()"""
 
 
 def exported(page, folder):
