@@ -21,8 +21,9 @@ from choreograph.studio import builds
 pytestmark = pytest.mark.slow
 
 SKELETON_IS_DRAWN = """(() => {
-  const canvas = document.getElementById('skeleton'), { width, height } = canvas;
-  return canvas.getContext('2d').getImageData(0, 0, width, height).data.some(Boolean);
+  const canvas = document.getElementById('skeleton'), blank = document.createElement('canvas');
+  Object.assign(blank, { width: canvas.width, height: canvas.height });
+  return canvas.toDataURL() !== blank.toDataURL();
 })()"""
 
 
