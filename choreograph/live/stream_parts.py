@@ -176,7 +176,12 @@ _PLANNERS: list[PartPlanner] = []
 def open_planner(repertoire: tuple[Path, ...]) -> None:
     """Open a repertoire in this process, for `plan_here`."""
     stay_behind()
-    _PLANNERS.append(PartPlanner(as_repertoire(repertoire)))
+    opened = as_repertoire(repertoire)
+    stands = PartPlanner(opened).plan(standing(KEPT_S))
+    counts = Counts(np.arange(0.0, KEPT_S + 4.0, 0.5), np.arange(int(2 * KEPT_S) + 8) % 4 + 1, 4)
+    first = PartRequest(clicks(counts, KEPT_S + 4.0), counts, stands, KEPT_S + 2.0, None, 0)
+    PartPlanner(opened).plan(first)  # which loads and compiles what the others use
+    _PLANNERS.append(PartPlanner(opened))
 
 
 def plan_here(request: PartRequest) -> Motion:
