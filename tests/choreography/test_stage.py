@@ -88,13 +88,13 @@ def test_the_mixer_draws_words_that_move_little_for_a_small_stage():
     pool = SimpleNamespace(
         ways=lambda words: (np.zeros((3, 3)), walk_m[words]),
         vocabulary=SimpleNamespace(word_take=np.zeros(3, int)),
-        constraints=SimpleNamespace(n_words=2),
     )
-    costs = stage_costs(pool, (3.0, 1.6))
+    slots = slice(3, 5)
+    costs = stage_costs(pool, (3.0, 1.6))(slots)
     assert costs.shape == (2, 3) and costs[0, 0] == 0.0
     np.testing.assert_allclose(costs[:, 1], 1.0)  # half a metre, as far as the front of this stage
     np.testing.assert_allclose(costs[:, 2], 4.0)
-    assert (stage_costs(pool, (8.0, 8.0))[:, 1:] < 0.1).all()
+    assert (stage_costs(pool, (8.0, 8.0))(slots)[:, 1:] < 0.1).all()
 
 
 def test_joins_bend_the_path_back_within_the_borders():
