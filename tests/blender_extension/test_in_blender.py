@@ -125,7 +125,7 @@ def test_the_armature_dances_what_the_program_makes_for_the_character(seen, danc
 @pytest.mark.parametrize(("which", "seed"), [("danced", 0), ("again", 1)])
 def test_the_skin_moves_as_in_the_programs_own_file(seen, dances, which, seed):
     states, path = seen
-    document = read_character(path).dancing(dances[seed].motion)
+    document = read_character(path).dancing(dances[seed].motion, figures=dances[seed].figures)
     shown = states[which]["joints_m"]
     worlds = node_worlds(document, np.array(shown["frames"][:3]))
     for points_m, expected_m in zip(shown["skin"], skinned_vertices_m(document, worlds), strict=True):
