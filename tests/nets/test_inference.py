@@ -35,9 +35,9 @@ def trained(net):
     return net.eval()
 
 
-def assert_equal_to_rounding(found, expected):
+def assert_equal_to_rounding(found, expected, share=2e-5):
     assert found.dtype == np.float32 and found.shape == expected.shape
-    np.testing.assert_allclose(found, expected, atol=2e-5 * np.abs(expected).max())
+    np.testing.assert_allclose(found, expected, atol=share * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("preset", ["small", "tiny"])
@@ -145,7 +145,8 @@ def test_poses_of_a_rollout_are_those_of_torch(preset, changes, with_style):
         styled = torch.stack(expected, dim=1)
         if with_style:
             styled = module.apply_style(styled, tensors)
-    assert_equal_to_rounding(net.apply_style(np.stack(found), conditions), module.as_input(styled)[0].numpy())
+    poses = net.apply_style(np.stack(found), conditions)
+    assert_equal_to_rounding(poses, module.as_input(styled)[0].numpy(), 1e-4)  # errors grow from pose to pose
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,13 @@ def test_a_part_of_a_dance_that_is_not_made_is_taken_back(danced, browser):
         )
         slider = page.locator("[data-weight=energy]")
         slider.focus()
-        page.evaluate("studio.seek(1)")
-        slider.press("End")
-        until(page, "!studio.busy && parts.length && studio.part === null")
+        for key in ("End", "Home") * 4:  # a busy machine may ask only when all of the dance is made
+            page.evaluate("studio.seek(1)")
+            slider.press(key)
+            taken_back = "parts.length && studio.part === null"
+            until(page, f"!studio.busy && (({taken_back}) || studio.shownRevision > {revision})")
+            if seen:
+                break
+            revision = page.evaluate("studio.revision")
+        assert seen and page.evaluate(taken_back)
         assert page.evaluate("[studio.revision, studio.shownRevision]") == [revision, revision]
