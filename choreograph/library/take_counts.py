@@ -80,8 +80,10 @@ class TakeCounts:
         counted_s[counted] = ends_s[1] - ends_s[0]
         bpm, is_estimated = self._file.read("takes/tempo_bpm"), self._sources == FROM_MOTION
         metre = self._metres.copy()
-        if not counted.all() and self._count_motion is not None:
-            for take in np.flatnonzero(~counted).tolist():
+        refused = [name in self._refused for name in self._names]
+        missing = np.flatnonzero(~counted & ~np.array(refused, bool))
+        if len(missing) and self._count_motion is not None:
+            for take in missing.tolist():
                 counts = self.of_take(take)
                 metre[take], n_counts[take] = counts.metre, len(counts)
                 bpm[take] = tempo_bpm(counts) if len(counts) > 1 else 0.0
