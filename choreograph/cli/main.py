@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 import click
@@ -170,11 +170,16 @@ class _Notes(logging.Handler):
         show_notes([record.getMessage()])
 
 
+def _end(number: int, _: FrameType | None) -> None:
+    sys.exit(128 + number)
+
+
 def run() -> None:
     """The program: `main`, with warnings of the library as notes and unexpected errors in one line."""
     sys.excepthook = report_crash
     logging.getLogger("choreograph").addHandler(_Notes())
     gc.set_threshold(_GC_THRESHOLD)
+    signal.signal(signal.SIGTERM, _end)  # as SIGINT does, so that temporary files are removed
     try:
         main(prog_name="choreograph")
     finally:

@@ -75,7 +75,11 @@ def _change_until_killed(address, seen):
 
 
 @pytest.mark.slow
-def test_the_command_serves_news_and_ends_when_it_is_interrupted(folder, repertoire):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_command_serves_news_and_ends_when_stopped(number, folder, repertoire, tmp_path, monkeypatch):
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    monkeypatch.setenv("TMPDIR", str(scratch))
     process, address = started(folder / "clicks.wav", repertoire, "--port", "0")
     stream = urlopen(address + "/api/events")
     assert stream.headers["content-type"].startswith("text/event-stream")
@@ -92,9 +96,10 @@ def test_the_command_serves_news_and_ends_when_it_is_interrupted(folder, reperto
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert second.returncode == 2 and "works on clicks.studio.json" in second.stderr
-    process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=20) in (0, 130, -signal.SIGINT)
-    assert not list(folder.glob(".*lock"))
+    assert list(scratch.glob("choreograph-studio-*"))
+    process.send_signal(number)
+    assert process.wait(timeout=20) in (0, 128 + number, -signal.SIGINT)
+    assert not list(folder.glob(".*lock")) and not list(scratch.glob("choreograph-studio-*"))
 
 
 @pytest.mark.parametrize(
