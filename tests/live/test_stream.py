@@ -84,8 +84,8 @@ def receiver():
 
 
 def test_the_command_sends_a_motion_to_a_receiver(tmp_path, receiver):
-    save_motion(tmp_path / "steps.bvh", stepping(30))
-    song, port = write_clicks(tmp_path / "song.wav", duration_s=2.0), receiver.getsockname()[1]
+    save_motion(tmp_path / "steps.bvh", stepping(90))  # of which a busy machine skips some
+    song, port = write_clicks(tmp_path / "song.wav", duration_s=4.0), receiver.getsockname()[1]
     packets = []
 
     def receive():
