@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import RepertoireError
 from choreograph.core.timebase import CLIP_FRAMES
 from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISION, QUANTISATION_STEPS
+from choreograph.library.words import SUM_TOLERANCE
 
 # Limits of stored arrays. Files of this program are 4 times as large when they are unpacked, and a dance
 # holds several copies of some arrays.
@@ -93,6 +94,7 @@ VALUES: dict[str, tuple[float, float | str]] = {
     "motifs/signatures": (0, 1.001),
     "motifs/transitions": (0, 1.001),
 }
+_SHARES = ("motifs/signatures", "motifs/transitions")  # whose rows sum to 1
 
 _STEPS = (1e-9, 1.0)  # of a quantised array, lowest and highest
 # Its other attributes, which name the one encoding.
@@ -173,7 +175,10 @@ def check_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> None:
-    """Raise `RepertoireError` if a number of an array is outside `VALUES`. `sizes` are those of the axes."""
+    """Raise `RepertoireError` if a number of an array is outside `VALUES`, or shares do not sum to 1.
+
+    `sizes` are those of the axes.
+    """
     if name not in VALUES or array.size == 0:
         return
     low, high = VALUES[name]
@@ -183,6 +188,9 @@ def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> No
         least >= low and most <= highest,
         f"{name}: expected values from {low:g} to {highest:g}, got {least:g} to {most:g}",
     )
+    if name in _SHARES:
+        is_one = np.abs(array.sum(axis=-1) - 1.0) <= SUM_TOLERANCE
+        _expect(bool(is_one.all()), f"{name}: expected shares that sum to 1, got others")
 
 
 def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:

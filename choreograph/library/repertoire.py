@@ -27,7 +27,7 @@ from choreograph.library.schema import NetArrays, rollout_names
 from choreograph.library.shards import AnyFile, RepertoireShards, motif_set, open_files
 from choreograph.library.store import RepertoireFile
 from choreograph.library.take_counts import TakeCounts, TakeTempi
-from choreograph.library.vocabulary import Vocabulary, checked_shares, vocabulary_from
+from choreograph.library.vocabulary import Vocabulary, vocabulary_from
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton, roles_of
@@ -80,7 +80,7 @@ class Repertoire:
         self._file.verify(report)
         _ = self.skeleton, self.notes, self.clip_take, self._counts, self._figures
         if self.has_vocabulary:
-            _ = list(self.vocabulary.transitions), self.word_net()
+            _ = self.vocabulary, self.word_net()
 
     def __repr__(self) -> str:
         return cut_line(f"<Repertoire {self._summary()}>")
@@ -132,7 +132,7 @@ class Repertoire:
     @property
     def source_checksums(self) -> frozenset[str]:
         """Hexadecimal SHA-256 of every motion and music file from which the repertoire was made."""
-        return frozenset(map(str, self._file.read("sources/sha256")))
+        return frozenset(str(digest) for digest in self._file.read("sources/sha256"))
 
     @property
     def net_names(self) -> tuple[str, ...]:
@@ -154,12 +154,7 @@ class Repertoire:
         """Motion words, motifs and the genres' signatures. Raises `RepertoireError` if there are none."""
         self._expect_vocabulary()
         with self._damage_named():
-            return vocabulary_from(self._file.read, self._transitions, len(self.takes))
-
-    def _transitions(self, genre: int) -> NDArray[np.float64]:
-        """The motif transitions (K, K) of the genre with this index."""
-        with self._damage_named():
-            return checked_shares(self._file.read("motifs/transitions", slice(genre, genre + 1))[0])
+            return vocabulary_from(self._file.read, len(self.takes))
 
     @property
     def motif_set(self) -> str:
@@ -216,9 +211,8 @@ class Repertoire:
         nets = self._rollout_nets
         net = nets.get(genre if self.rollout_genres else "rollout")
         if net is None:
-            known = ", ".join(nets)
             raise RepertoireError(
-                f"{self.path}: expected a genre among {known}, which have a rollout network, got {genre!r}"
+                f"{self.path}: expected a genre with a rollout network ({', '.join(nets)}), got {genre!r}"
             )
         with self._damage_named():
             return PosePredictor.from_arrays(net.weights, net.config)
@@ -341,7 +335,8 @@ class Repertoire:
 
     def motion_beats_s(self, take: int) -> NDArray[np.float64]:
         """A take's motion beats in seconds from its first frame, (Q,)."""
-        return self._beats_s[slice(*self.takes[self._take(take)].beats)]
+        start, stop = self.takes[self._take(take)].beats
+        return self._beats_s[start:stop]
 
     @cached_property
     def _beats_s(self) -> NDArray[np.float64]:
@@ -364,8 +359,8 @@ class Repertoire:
         nets = {name: self.net(name) for name in self.net_names if name in ("style", "music_density")}
         genres = [take.credits.genre for take in self.takes]
         clips = self.clip_style, self.clip_take, self.vocabulary.genres if self.has_vocabulary else ()
-        parts = list(nets), [[net.config, net.weights] for net in nets.values()], self.density, self.path.name
-        return digest(*parts, genres, self.take_tempi, *clips)
+        parts = [[net.config, net.weights] for net in nets.values()]
+        return digest(list(nets), parts, self.density, self.path.name, genres, self.take_tempi, *clips)
 
     def counts(self, take: int) -> Counts:
         """A take's counts, in seconds from its first frame, or `NO_COUNTS` if they are not known.

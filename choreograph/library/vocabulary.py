@@ -13,7 +13,7 @@ from choreograph.core.arguments import check_choice
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.motifs import Motifs
-from choreograph.library.words import SUM_TOLERANCE, template, transition_matrix
+from choreograph.library.words import template, transition_matrix
 
 ALL_GENRES = "all"  # the template and transitions of all takes together
 
@@ -24,8 +24,8 @@ class GenreTransitions:
     They are larger than all other arrays of a vocabulary together, and a dance uses those of one genre.
     """
 
-    def __init__(self, read: Callable[[int], Floats], n_genres: int) -> None:
-        self._read = read  # of the index of a genre, (K, K)
+    def __init__(self, read: Callable[[str, slice], Floats], n_genres: int) -> None:
+        self._read = read
         self._genres = range(n_genres)
         self._known: dict[int, Floats] = {}
 
@@ -38,7 +38,7 @@ class GenreTransitions:
     def __getitem__(self, genre: int) -> Floats:
         row = self._genres[genre]
         if row not in self._known:
-            self._known[row] = self._read(row)
+            self._known[row] = self._read("motifs/transitions", slice(row, row + 1))[0]
         return self._known[row]
 
 
@@ -126,13 +126,10 @@ def motif_arrays(vocabulary: Vocabulary) -> dict[str, NDArray[Any]]:
     }
 
 
-def vocabulary_from(
-    read: Callable[[str], NDArray[Any]], transitions: Callable[[int], Floats], n_takes: int
-) -> Vocabulary:
-    """The vocabulary of a file. `read(path)` returns an array of `schema.MOTIFS`.
+def vocabulary_from(read: Callable[..., NDArray[Any]], n_takes: int) -> Vocabulary:
+    """The vocabulary of a file. `read(path)` returns an array of `schema.MOTIFS`, `read(path, rows)` rows.
 
-    `transitions` returns those (K, K) of the genre with an index. Raises `RepertoireError`, without the file
-    name, if the arrays are inconsistent.
+    Raises `RepertoireError`, without the file name, if the arrays are inconsistent.
     """
     genres = tuple(str(genre) for genre in read("motifs/genres"))
     motifs = Motifs(
@@ -148,7 +145,7 @@ def vocabulary_from(
         read("motifs/word_motif").astype(np.int64),
         genres,
         read("motifs/signatures"),
-        GenreTransitions(transitions, len(genres)),
+        GenreTransitions(read, len(genres)),
     )
     _check_words(vocabulary, n_takes)
     _check_motifs(vocabulary)
@@ -197,16 +194,6 @@ def _check_genres(vocabulary: Vocabulary) -> None:
         len(set(genres)) == len(genres) and genres[-1:] == (ALL_GENRES,),
         f"expected distinct genres with {ALL_GENRES!r} last, got {', '.join(genres)}",
     )
-    checked_shares(vocabulary.signatures)
-
-
-def checked_shares(shares: Floats) -> Floats:
-    """These shares (..., K) of a file. Raises `RepertoireError`, without its name, unless they sum to 1."""
-    _expect(
-        bool((shares >= 0).all() and (np.abs(shares.sum(axis=-1) - 1.0) <= SUM_TOLERANCE).all()),
-        "expected signatures and transitions that sum to 1, got others",
-    )
-    return shares
 
 
 def _expect(condition: bool, message: str) -> None:

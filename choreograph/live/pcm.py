@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.live.sound import sound_device
 from choreograph.music.song import resampled
 
 BLOCK_S = 0.1  # of a block that is read
@@ -139,13 +140,7 @@ def microphone() -> Iterator[Blocks]:
 
     Raises `ChoreographError` without the package `sounddevice` or without a device.
     """
-    try:
-        import sounddevice
-    except (ImportError, OSError) as error:  # an OSError if PortAudio is missing
-        raise ChoreographError(
-            "expected the extra `live` for a microphone, it is not installed: pip install "
-            f"'choreograph[live]' ({' '.join(str(error).split())[:80]})"
-        ) from error
+    sounddevice = sound_device("for a microphone")
     arrived: SimpleQueue[NDArray[np.float32] | None] = SimpleQueue()
 
     def take(block: NDArray[np.float32], n: int, times: Any, status: Any) -> None:

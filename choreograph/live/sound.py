@@ -1,4 +1,4 @@
-"""Plays a song and tells the time in it. Playing needs the extra `live`."""
+"""Plays a song and tells the time in it. Sound devices need the extra `live`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,18 @@ from choreograph.core.errors import ChoreographError
 from choreograph.music.decoding import decode
 
 _START_S = 0.5  # before the song begins
+
+
+def sound_device(use: str, instead: str = "") -> Any:
+    """The package `sounddevice`. Raises `ChoreographError` if it, or PortAudio, is not installed."""
+    try:
+        import sounddevice
+    except (ImportError, OSError) as error:  # an OSError if PortAudio is missing
+        raise ChoreographError(
+            f"expected the extra `live` {use}, it is not installed: pip install 'choreograph[live]'{instead} "
+            f"({' '.join(str(error).split())[:80]})"
+        ) from error
+    return sounddevice
 
 
 @contextmanager
@@ -28,13 +41,7 @@ def playing(song: Path) -> Iterator[Callable[[], float]]:
 
     Raises `ChoreographError` without the package or a device.
     """
-    try:
-        import sounddevice
-    except (ImportError, OSError) as error:  # an OSError if PortAudio is missing
-        raise ChoreographError(
-            "expected the extra `live` to play a song, it is not installed: pip install 'choreograph[live]', "
-            f"or --silent ({' '.join(str(error).split())[:80]})"
-        ) from error
+    sounddevice = sound_device("to play a song", ", or --silent")
     decoding = decode(song)
     samples = np.concatenate(list(decoding.blocks))[:, :2]
     position = 0

@@ -135,17 +135,6 @@ _BLOCK = 735  # samples, 1/30 s, which are gated together as sound or pause
 PAUSE_GATE = 1e-6  # of the loudest block's power (-60 dB). Quieter blocks are pauses and do not count
 
 
-def at_unit_loudness(samples: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Samples (S,) scaled to a root mean square of 1 outside pauses (0 dB, like the paper's songs).
-
-    Silence before or after a song changes nothing. A silent song (peak below
-    -80 dB) becomes zeros. Raises `ParameterError` if `samples` is empty, not one-dimensional or not
-    finite. (Rhythm is a Dancer, section 5: RMS normalisation. There, pauses count too.)
-    """
-    samples = np.asarray(samples, np.float32)
-    return scaled(samples, loudness(samples))
-
-
 def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
     """Samples (S,) relative to a level. An infinite one makes them silent."""
     if np.isinf(level):
@@ -156,9 +145,11 @@ def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
 
 
 def loudness(samples: Samples) -> float:
-    """Root mean square of samples (S,) outside pauses, or infinity for a silent song.
+    """Root mean square of samples (S,) outside pauses, or infinity for a silent song (peak below -80 dB).
 
-    Raises as `at_unit_loudness`.
+    Silence before or after a song changes nothing. Raises `ParameterError` if `samples` is empty, not
+    one-dimensional or not finite. (Rhythm is a Dancer, section 5: RMS normalisation. There, pauses count
+    too.)
     """
     peak = peak_of(_checked_samples(samples))
     if not np.isfinite(peak):

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from choreograph.core.timebase import NET_FPS
 from choreograph.music.mel import MEL_BANDS
-from choreograph.nets.inference import EPSILON
+from choreograph.nets.layers import EPSILON
 from choreograph.nets.motion_counts import ACROSS, N_CONFIDENCE, N_FEATURES, MotionCounts, MotionCountsConfig
 from choreograph.nets.music_counts import KERNEL, N_ACTIVATIONS, N_OUTPUTS, MusicCountsConfig
 from choreograph.nets.stored import StoredNet

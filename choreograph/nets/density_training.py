@@ -349,12 +349,9 @@ def train_motion_density(
         name="motion_density",
         n_steps=_n_steps(config, config.steps, n_clips, config.batch_size),
         learning_rate=config.learning_rate,
-        weight_decay=config.weight_decay,
-        schedule=config.schedule,
-        seed=seed,
-        configuration={**asdict(config), "takes": [take.name for take in usable]},
-        context=context,
-    )
+        weight_decay=config.weight_decay, schedule=config.schedule, seed=seed,
+        configuration={**asdict(config), "takes": [take.name for take in usable]}, context=context,
+    )  # fmt: skip
     return estimator
 
 
@@ -390,12 +387,9 @@ def train_music_density(
         name="music_density",
         n_steps=_n_steps(config, config.music_steps, data.n_clips, config.music_batch_size),
         learning_rate=config.music_learning_rate,
-        weight_decay=config.weight_decay,
-        schedule=config.schedule,
-        seed=seed,
-        configuration={**asdict(config), "takes": [take.name for take in data.takes]},
-        context=context,
-    )
+        weight_decay=config.weight_decay, schedule=config.schedule, seed=seed,
+        configuration={**asdict(config), "takes": [take.name for take in data.takes]}, context=context,
+    )  # fmt: skip
     return net
 
 

@@ -22,7 +22,8 @@ from choreograph.music.bar_pointer import (
     decode_counts,
 )
 from choreograph.nets.configs import config_from_preset
-from choreograph.nets.inference import Array, Shapes, TrainedNet, conv1d, trunk, trunk_shapes
+from choreograph.nets.inference import TrainedNet
+from choreograph.nets.layers import Array, Shapes, conv1d, trunk, trunk_shapes
 from choreograph.nets.music_counts import KERNEL, N_OUTPUTS, curves_from
 
 # Sizes and training lengths of the network: `small` (two CPU cores) and `tiny` (tests).

@@ -23,7 +23,8 @@ from choreograph.music.beats import level_normalized, onset_strength, path_of
 from choreograph.music.mel import MEL_BANDS
 from choreograph.music.song import Song
 from choreograph.nets.configs import config_from_preset
-from choreograph.nets.inference import Shapes, TrainedNet, conv1d, conv2d, elu, sigmoid, trunk, trunk_shapes
+from choreograph.nets.inference import TrainedNet
+from choreograph.nets.layers import Shapes, conv1d, conv2d, elu, sigmoid, trunk, trunk_shapes
 
 # Phases in beat and bar, as the networks output them.
 #

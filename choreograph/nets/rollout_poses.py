@@ -25,7 +25,8 @@ from choreograph.motion.skeleton import Skeleton
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.music.spectral import SPECTRAL_DIM
 from choreograph.nets.configs import WORD_DIM, RolloutConfig
-from choreograph.nets.inference import Array, Shapes, TrainedNet, gelu, linear, sigmoid, unit
+from choreograph.nets.inference import TrainedNet
+from choreograph.nets.layers import Array, Shapes, gelu, linear, sigmoid, unit
 
 # Conversion of motion to pose rows and back, and the conditions of the frames of a dance.
 #

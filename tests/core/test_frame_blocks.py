@@ -15,7 +15,7 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_indices, body_pos_m
 from choreograph.motion.motion_beats import SMOOTHING_S, mean_joint_speed_m_s
-from choreograph.music.mel import ONSET_RANGE, at_unit_loudness, band_means, onset_envelopes
+from choreograph.music.mel import ONSET_RANGE, band_means, loudness, onset_envelopes, scaled
 from choreograph.music.song_features import energy_per_second
 from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_motion, deflate_base64
 
@@ -50,7 +50,7 @@ def test_features_of_a_song_of_several_blocks_are_those_of_the_whole():
     peak = float(np.abs(samples).max())
     energy = np.add.reduceat(np.square(samples / peak, dtype=np.float64), np.arange(0, len(samples), 735))
     level = peak * np.sqrt(energy.sum() / len(samples))
-    assert np.array_equal(at_unit_loudness(samples), (samples / level).astype(np.float32))
+    assert np.array_equal(scaled(samples, loudness(samples)), (samples / level).astype(np.float32))
 
 
 def test_energy_of_a_last_second_that_is_not_full():

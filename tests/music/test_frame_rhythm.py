@@ -11,7 +11,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.beats import cached_librosa
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
-from choreograph.music.mel import at_unit_loudness
+from choreograph.music.mel import loudness, scaled
 
 librosa = cached_librosa()
 
@@ -44,7 +44,7 @@ def test_rms_agrees_with_librosa_over_the_window_that_ends_with_the_frame():
     ours = frame_rhythm(samples, beats)[:, RMS]
     window = WINDOW_FRAMES * FRAME
     half = FRAME // 2 + 1  # the window ends half a frame after the frame's time
-    padded = np.pad(at_unit_loudness(samples), (window - half, half))
+    padded = np.pad(scaled(samples, loudness(samples)), (window - half, half))
     theirs = librosa.feature.rms(y=padded, frame_length=window, hop_length=FRAME, center=False)[0]
     np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
 
@@ -62,7 +62,7 @@ def test_the_tempogram_value_is_the_correlation_of_two_windows():
     from choreograph.music.mel import log_mel, onset_envelopes
 
     samples, beats = song(3)
-    onsets = onset_envelopes(log_mel(at_unit_loudness(samples))).mean(axis=1)  # 60 fps
+    onsets = onset_envelopes(log_mel(scaled(samples, loudness(samples)))).mean(axis=1)  # 60 fps
     ours = frame_rhythm(samples, beats)[:, TEMPOGRAM]
     for k in (2, 3):
         frame = int(np.ceil(beats[k] * 30)) + 1  # inside the interval from beat k on

@@ -9,9 +9,14 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.mel import at_unit_loudness
+from choreograph.music.mel import loudness, scaled
 
 NOISE = np.random.default_rng(1).normal(0, 0.1, SAMPLE_RATE_HZ).astype(np.float32)
+
+
+def at_unit_loudness(samples):
+    samples = samples.astype(np.float32)
+    return scaled(samples, loudness(samples))
 
 
 @given(st.floats(1e-2, 1e3))

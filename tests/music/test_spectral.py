@@ -14,7 +14,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.beats import cached_librosa
-from choreograph.music.mel import at_unit_loudness
+from choreograph.music.mel import loudness, scaled
 from choreograph.music.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
 
 librosa = cached_librosa()
@@ -116,7 +116,7 @@ def test_rows_are_means_of_librosas_features(monkeypatch):
         "choreograph.music.spectral.frame_blocks", lambda n, size=37: frame_blocks(n, min(size, 37))
     )
     rows = spectral_features(samples, beats)
-    y = np.pad(at_unit_loudness(samples), 1024)
+    y = np.pad(scaled(samples, loudness(samples)), 1024)
     flat = {"sr": SAMPLE_RATE_HZ, "n_fft": 2048, "hop_length": 512, "center": False}
     no_rate = {"n_fft": 2048, "hop_length": 512, "center": False}
     mel_db = librosa.power_to_db(librosa.feature.melspectrogram(y=y, n_mels=26, **flat), top_db=None)

@@ -12,12 +12,20 @@ from command_line import run
 from shared_trainings import NETS, STEPS, ended, start, train_all, train_toy
 from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
+from threadpoolctl import threadpool_limits
 
 from choreograph.core.errors import ParameterError
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.nets import processes
 from choreograph.nets.processes import agreed, from_first, gathered, joined, own_rows
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """As in the processes that are started: with more threads, sums have another order."""
+    with threadpool_limits(1):
+        yield
 
 
 def test_without_torchrun_one_process_has_everything():
