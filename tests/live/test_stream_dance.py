@@ -189,23 +189,15 @@ def test_after_the_music_silence_is_heard():
 
 @pytest.mark.slow
 def test_a_song_on_standard_input_is_danced(tmp_path):
-    """Ten seconds in their own time: the body is sent, moves after the first beats are known, and rests."""
-    made = render_song("house", bpm=124.0, duration_s=10.0, seed=5)
+    """A song in its own time: the body is sent, moves after the first beats are known, and rests."""
+    made = render_song("house", bpm=124.0, duration_s=18.0, seed=5)  # a busy machine has time for a part
     soundfile.write(tmp_path / "song.wav", made.samples, RATE_HZ)
     packets = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
         own.bind(("127.0.0.1", 0))
         own.settimeout(3.0)
-        command = [
-            sys.executable,
-            "-m",
-            "choreograph",
-            "live",
-            "--input",
-            "-",
-            "--port",
-            own.getsockname()[1],
-        ]
+        port = own.getsockname()[1]
+        command = [sys.executable, "-m", "choreograph", "live", "--input", "-", "--port", port]
         with (
             (tmp_path / "song.wav").open("rb") as song,
             subprocess.Popen(
@@ -226,10 +218,7 @@ def test_a_song_on_standard_input_is_danced(tmp_path):
             if message.address == "/VMC/Ext/Bone/Pos" and message.arguments[0] == "Hips"
         ]
     )
-    assert len(hips_m) > 10 * 60
+    assert len(hips_m) > 16 * 60
     speed_m_s = np.linalg.norm(np.diff(hips_m, axis=0), axis=1) * 60
     assert np.median(speed_m_s[:180]) < 0.2  # it stands
-    if "danced 0 parts" in said:  # on a machine that does much else
-        assert "too late" in said
-    else:
-        assert speed_m_s[400:].max() > 0.4
+    assert "danced 0 parts" not in said and speed_m_s[400:].max() > 0.4
