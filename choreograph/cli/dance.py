@@ -74,7 +74,9 @@ def command(
     sound = songs[0] if plan_path is not None and songs else None
     dances = SongDances(db, asked, files, variations, strict, plan_path, sound)
     _check_character(dances, first)
-    _check_target(files.target, jobs, inputs)
+    sounds = _checked_sounds(files.target, jobs, inputs)
+    if sounds and (plan_path is None or sound is not None):  # a plan alone has no sound
+        notes = (*notes, f"the danced part of the song is written to {', '.join(map(str, sounds))}")
     dances = with_checked_requests(dances, jobs)
     with_lines = files.as_json and not files.quiet
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
@@ -96,20 +98,24 @@ def _shared(inputs: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
     return [path for path in inputs if path not in songs]
 
 
-def _check_target(target: str | None, jobs: Sequence[Job], inputs: Sequence[Path]) -> None:
-    """Raise `ParameterError` if the program of --for reads no output, or the sound beside it has no place."""
+def _checked_sounds(target: str | None, jobs: Sequence[Job], inputs: Sequence[Path]) -> list[Path]:
+    """The sounds that the program of --for plays with outputs.
+
+    Raises `ParameterError` if the program reads no output, or a sound would replace another file.
+    """
     from choreograph.formats.targets import check_target_format, reads
     from choreograph.pipeline.saving import sound_beside
 
+    sounds: list[Path] = []
     if target is None:
-        return
+        return sounds
     for job in jobs:
         paths = [path for paths in job.outputs for path in paths]
         read = [path for path in paths if reads(target, path)]
         if not read:
             check_target_format(target, paths[0])
-        for path in read if target == "mmd" else ():
-            sound_beside(path, inputs)
+        sounds += [sound_beside(path, inputs) for path in read if target == "mmd"]
+    return sounds
 
 
 def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:

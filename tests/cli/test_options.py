@@ -125,7 +125,8 @@ def test_all_that_is_said_of_files_is_one_note(notes_of):
 
 def test_a_program_gets_the_file_that_it_reads(notes_of):
     assert notes_of("-oa.glb", "-oa.mp4", "--for", "unreal")[1] == ["--for has no effect on .mp4"]
-    assert notes_of("-oa.vmd", "--for", "mmd")[0].exit_code == 0
+    result, notes = notes_of("-oa.vmd", "--for", "mmd")
+    assert result.exit_code == 0 and notes == ["the danced part of the song is written to a.wav"]
     Path("b.wav").write_bytes(b"mine")
     assert_one_line(notes_of("-ob.vmd", "--for", "mmd")[0], says="expected no file b.wav")
     assert_one_line(notes_of("-oa.glb", "--for", "mmd")[0], says="expected a file .vmd for mmd, got a.glb")
