@@ -41,15 +41,14 @@ _PART_S = 4.0  # of a part, about, in whole bars
 _TAIL_S = 2.5  # planned beyond a part, danced only if the next part is late or its count 1 moves
 _BAR_BEATS = 4  # of music without bars
 _ON_S = 1.0  # by which the dance so far goes on, into the join with a part
-_TO_REST_S, _REST_S = (
-    2.0,
-    4.0,
-)  # at least, until the last count of a dance that ends, and of the rest after it
+_TO_REST_S = 2.0  # at least, until the last count of a dance that ends
+_REST_S = 4.0  # at least, of the rest after it
 _ENDING_S = 8.0  # after the music: until no beats are known, until the dance rests, and some of the rest
 _STAND_S = 6.0
 _STILL_S = 3.0  # at the end of a part, which go back and forth when nothing else is planned
 _DRIFT = 5e-4  # of the clocks of two machines
 _STALLED_S = 0.2
+_TOLD_CHANGE = 0.04  # of the tempo, after which it is told again
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +158,7 @@ class StreamDance:
     _recent: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _unheard: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _heard: Future[BeatClock | None] | None = None
+    _told: BeatClock | None = None  # of the latest note
     _planned: tuple[Future[Motion], Part, float] | None = None  # with all but its motion, and its first time
 
     def hear(self, block: NDArray[np.float32]) -> None:
@@ -177,14 +177,22 @@ class StreamDance:
             self._plan_next()
 
     def _take_clock(self, clock: BeatClock | None) -> None:
-        if clock is not None and self.clock is None:
+        if clock is not None and not self._is_told(clock):
             bars = f", {clock.metre} in a bar" if clock.metre else ""
             self.note(f"{self.heard_s:.1f} s: {60 / clock.period_s:.0f} beats a minute{bars}")
+            self._told = clock
         if clock is None and self.clock is not None:
             self.note(f"{self.heard_s:.1f} s: no beats")
         self.clock = clock
         if clock is not None:
             self.body.follow(clock)
+
+    def _is_told(self, clock: BeatClock) -> bool:
+        """Whether the tempo and the metre are those of the latest note."""
+        told = self._told if self.clock is not None else None
+        if told is None or told.metre != clock.metre:
+            return False
+        return bool(abs(np.log(clock.period_s / told.period_s)) < _TOLD_CHANGE)
 
     def _take_requests(self) -> None:
         while not self.requests.empty():

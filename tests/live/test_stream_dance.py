@@ -85,6 +85,20 @@ def test_parts_are_planned_ahead_of_their_count_1_and_of_whole_bars():
     assert firsts_s[0] < 1.0 and stage.notes[0].endswith("120 beats a minute, 4 in a bar")
 
 
+def test_another_tempo_and_another_metre_are_told_and_small_changes_are_not():
+    stage = Stage(CLOCK)
+    stage.run(3.0)
+    stage.clock = replace(CLOCK, period_s=0.51)
+    stage.run(6.0)
+    assert len(stage.notes) == 1
+    stage.clock = replace(CLOCK, metre=3)
+    stage.run(9.0)
+    assert len(stage.notes) == 2 and stage.notes[1].endswith("120 beats a minute, 3 in a bar")
+    stage.clock = replace(stage.clock, period_s=0.6)
+    stage.run(12.0)
+    assert len(stage.notes) == 3 and stage.notes[2].endswith("100 beats a minute, 3 in a bar")
+
+
 def test_a_part_that_comes_too_late_is_left_out_and_another_one_is_planned():
     stage = Stage(CLOCK, takes_s=AHEAD_S + 3.0)
     stage.run(12.0)
