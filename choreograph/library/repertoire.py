@@ -212,7 +212,7 @@ class Repertoire:
         net = nets.get(genre if self.rollout_genres else "rollout")
         if net is None:
             raise RepertoireError(
-                f"{self.path}: expected a genre with a rollout network ({', '.join(nets)}), got {genre!r}"
+                f"{self.path}: expected a genre among {', '.join(nets)} for the rollout, got {genre!r}"
             )
         with self._damage_named():
             return PosePredictor.from_arrays(net.weights, net.config)

@@ -56,13 +56,16 @@ def joined() -> Iterator[bool]:
         _select_gpu(int(os.environ["LOCAL_RANK"]), int(os.environ["LOCAL_WORLD_SIZE"]))
         backend = "cpu:gloo,cuda:nccl"
     distributed.init_process_group(backend, timeout=_LONGEST_WAIT)
-    if process_index() > 0:
-        _help()
-        yield False
-    else:
-        yield True
-        _broadcast(None)  # no more work
-    distributed.destroy_process_group()
+    try:
+        if process_index() > 0:
+            _help()
+            yield False
+        else:
+            yield True
+            _broadcast(None)  # no more work
+    finally:
+        # Also after an error, or the threads of the group may abort the process at its end.
+        distributed.destroy_process_group()
 
 
 def _select_gpu(index: int, n: int) -> None:
