@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,10 @@ from choreograph.core.arguments import as_list, fields_of_json, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
 from choreograph.core.progress import counted
+from choreograph.core.settings import changed
+from choreograph.music.song import Song
 from choreograph.plan import Plan
+from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-scene"
 VERSION = 1
@@ -51,6 +54,37 @@ class PlannedDancer:
 
 
 @dataclass(frozen=True)
+class PlannedRequest:
+    """How a dance that a network generates is made again to its song."""
+
+    dance: int  # index of the dance in the scene
+    genre: str | None  # that was asked for
+    bans: tuple[str, ...]  # as on the command line, such as "motif:12"
+    settings: Mapping[str, Any]  # fields of `DanceConfig` other than the defaults, as JSON
+
+    @classmethod
+    def of(cls, dance: int, genre: str | None, bans: Sequence[str], config: DanceConfig) -> PlannedRequest:
+        """The request of a dance that was made with these settings. Songs in them have files."""
+        given = {one.name: getattr(config, one.name) for one in fields(DanceConfig)}
+        usual = {one.name: getattr(DanceConfig(), one.name) for one in fields(DanceConfig)}
+        kept = {name: _as_json(value) for name, value in given.items() if value != usual[name]}
+        return cls(dance, genre, tuple(bans), {name: kept[name] for name in kept if name != "cache"})
+
+    def config(self) -> DanceConfig:
+        """The settings. Raises `ParameterError` for a name or value that is not valid."""
+        return changed(DanceConfig(), self.settings)
+
+
+def _as_json(value: Any) -> Any:
+    """A setting of a dance as JSON. A song is the path of its file."""
+    if isinstance(value, Song):
+        return str(value.path)
+    if isinstance(value, Mapping):
+        return {key: float(one) for key, one in value.items()}
+    return str(value) if isinstance(value, Path) else value
+
+
+@dataclass(frozen=True)
 class ScenePlan:
     """The decisions of a scene, which `choreograph scene --plan` renders again.
 
@@ -67,11 +101,14 @@ class ScenePlan:
 
     dances: tuple[Plan, ...]  # of which the first one is that of the leader
     dancers: tuple[PlannedDancer, ...]  # the leader first
+    requests: tuple[PlannedRequest, ...] = ()  # of the dances that networks generate
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dances", as_list("dances of a scene", self.dances, "Plan", Plan))
         dancers = as_list("dancers of a scene plan", self.dancers, "PlannedDancer", PlannedDancer)
         object.__setattr__(self, "dancers", dancers)
+        requests = as_list("requests of a scene plan", self.requests, "PlannedRequest", PlannedRequest)
+        object.__setattr__(self, "requests", requests)
         if not self.dances or not self.dancers:
             raise unexpected("a dance and a dancer or more", (self.dances, self.dancers))
 
@@ -86,12 +123,14 @@ class ScenePlan:
 
     def to_json(self) -> str:
         """The plan as JSON text, as specified in `data_schema/scene.schema.json`."""
-        data = {
+        data: dict[str, Any] = {
             "format": FORMAT,
             "version": VERSION,
             "dancers": [_entry(dancer) for dancer in self.dancers],
             "dances": [json.loads(plan.to_json()) for plan in self.dances],
         }
+        if self.requests:
+            data["requests"] = [_entry(request) for request in self.requests]
         return json.dumps(data, indent=1) + "\n"
 
     @classmethod
@@ -107,7 +146,7 @@ class ScenePlan:
             ) from None
         if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
             raise FormatError(f"{name}: expected a {FORMAT} of version {VERSION}, got {reprlib.repr(data)}")
-        if set(data) != {"format", "version", "dancers", "dances"}:
+        if set(data) - {"requests"} != {"format", "version", "dancers", "dances"}:
             raise FormatError(f"{name}: expected the keys dancers and dances, got {', '.join(sorted(data))}")
         for key in ("dancers", "dances"):
             if not isinstance(data[key], list) or not 1 <= len(data[key]) <= MOST_DANCERS:
@@ -121,7 +160,11 @@ class ScenePlan:
         dancers = tuple(
             _read_dancer(entry, f"{name}: dancer {index}") for index, entry in enumerate(data["dancers"])
         )
-        plan = cls(dances, dancers)
+        requests = data.get("requests", [])
+        if not isinstance(requests, list):
+            raise FormatError(f"{name}: expected a list of requests, got {reprlib.repr(requests)}")
+        read = (_read_request(entry, f"{name}: request {i}") for i, entry in enumerate(requests))
+        plan = cls(dances, dancers, tuple(read))
         for fault in plan._faults():
             raise FormatError(f"{name}: {fault}")
         return plan
@@ -137,6 +180,12 @@ class ScenePlan:
         for plan in self.dances[1:]:
             if (plan.duration_s, plan.fps, plan.start_s) != (first.duration_s, first.fps, first.start_s):
                 yield "expected dances of one length and rate to one part of a song, got different ones"
+        asked = [request.dance for request in self.requests]
+        if len(set(asked)) < len(asked) or any(dance >= len(self.dances) for dance in asked):
+            yield (
+                f"expected a request for one of {counted(len(self.dances), 'dance')} each, got "
+                f"{reprlib.repr(asked)}"
+            )
         names = [dancer.name for dancer in self.dancers]
         if len(set(names)) < len(names):
             yield f"expected dancers of different names, got {reprlib.repr(names)}"
@@ -184,3 +233,21 @@ def _read_dancer(data: Any, where: str) -> PlannedDancer:
         for index, part in enumerate(parts)
     )
     return PlannedDancer(**known, parts=tuple(DancerPart(**part) for part in read))
+
+
+def _read_request(data: Any, where: str) -> PlannedRequest:
+    except_for = ("genre", "bans", "settings")
+    known = fields_of_json(PlannedRequest, data, where, missing=_AGAIN, except_for=except_for)
+    genre, bans, settings = (data.get(key) for key in except_for)
+    if not (genre is None or isinstance(genre, str)):
+        raise FormatError(f"{where}: expected a genre by name or null, got {reprlib.repr(genre)}")
+    if not isinstance(bans, list) or not all(isinstance(ban, str) for ban in bans):
+        raise FormatError(f"{where}: expected a list of bans, got {reprlib.repr(bans)}")
+    if not isinstance(settings, dict):
+        raise FormatError(f"{where}: expected settings by name, got {reprlib.repr(settings)}")
+    request = PlannedRequest(**known, genre=genre, bans=tuple(bans), settings=settings)
+    try:
+        request.config()
+    except ParameterError as error:
+        raise FormatError(f"{where}: {error}") from None
+    return request

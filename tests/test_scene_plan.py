@@ -9,7 +9,8 @@ import pytest
 from test_plan import PLAN
 
 from choreograph.core.errors import FormatError
-from choreograph.scene_plan import DancerPart, PlannedDancer, ScenePlan
+from choreograph.scene_plan import DancerPart, PlannedDancer, PlannedRequest, ScenePlan
+from choreograph.settings import DanceConfig
 
 DANCER = PlannedDancer("a", 1.0, (DancerPart(0.0, 2.5, 0),), (0.0, 2.0), (0.0, 1.0), (0.0, 0.5))
 SCENE = ScenePlan((PLAN,), (DANCER,))
@@ -17,6 +18,22 @@ SCENE = ScenePlan((PLAN,), (DANCER,))
 
 def test_nothing_is_lost():
     assert ScenePlan.from_json(SCENE.to_json()) == SCENE
+
+
+def test_requests_keep_what_is_not_the_default():
+    """A plan without requests has no key for them, as before there were any."""
+    assert "requests" not in json.loads(SCENE.to_json())
+    config = DanceConfig(engine="rollout", seed=3, weights={"form": 2.0}, cache=False, beats="librosa")
+    request = PlannedRequest.of(0, "house", ("motif:3",), config)
+    assert request.settings == {
+        "engine": "rollout", "seed": 3, "weights": {"form": 2.0}, "beats": "librosa",
+    }  # fmt: skip
+    assert request.config() == DanceConfig(**request.settings)
+    scene = ScenePlan((PLAN,), (DANCER,), (request,))
+    assert ScenePlan.from_json(scene.to_json()) == scene
+
+
+REQUEST = {"dance": 0, "genre": None, "bans": [], "settings": {}}
 
 
 def changed(*path: Any, to: Any) -> str:
@@ -45,6 +62,16 @@ def changed(*path: Any, to: Any) -> str:
         (changed("dancers", 0, "parts", 0, "end_s", to=2.0), "expected parts until 2.5 s"),
         (changed("dancers", 0, "parts", 0, "size", to=3.0), "expected a size from 0 to 1.5"),
         (changed("dances", 0, "fps", to="x"), "dance 0"),
+        (changed("requests", to={}), "expected a list of requests"),
+        (changed("requests", to=[{"dance": 0}]), "request 0: expected a genre|request 0: expected a list"),
+        (changed("requests", to=[REQUEST | {"genre": 3}]), "request 0: expected a genre by name or null"),
+        (changed("requests", to=[REQUEST | {"bans": "x"}]), "request 0: expected a list of bans"),
+        (changed("requests", to=[REQUEST | {"settings": []}]), "request 0: expected settings by name"),
+        (changed("requests", to=[REQUEST | {"settings": {"seed": "x"}}]), "request 0: expected seed"),
+        (changed("requests", to=[REQUEST | {"settings": {"sed": 1}}]), "request 0: .*seed"),
+        (changed("requests", to=[REQUEST | {"dance": 1}]), "expected a request for one of 1 dance each"),
+        (changed("requests", to=[REQUEST, REQUEST]), "expected a request for one of 1 dance each"),
+        (changed("requests", to=[REQUEST | {"more": 1}]), "request 0: expected keys among"),
     ],
 )
 def test_what_is_malformed_is_refused(text, says):

@@ -87,7 +87,12 @@ _WITH_PLAN = (
 @click.option("--seed", type=int, help="Another seed gives another dance (0).")
 @click.option("--fps", type=float, help="Frames per second of the dance (60).")
 @click.option("--set", "assigned", multiple=True, metavar="NAME=VALUE", help="Any other setting. Repeatable.")
-@click.option("--plan", "plan_path", type=_FILE, help="Render this plan of a scene. SONG is only its sound.")
+@click.option(
+    "--plan",
+    "plan_path",
+    type=_FILE,
+    help="Render this plan of a scene. SONG is its sound, and what the rollout engine dances to again.",
+)
 @click.option(
     "-o", "--output", multiple=True, type=_FILE,
     help="File to write. Repeatable. .html, .glb, .fbx, .usda, .usdc, .mp4, .png: all dancers in one. "

@@ -8,22 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-import numpy as np
-
 from choreograph.characters.gltf_character import GltfCharacter, read_character
-from choreograph.choreography.formations import formation_places
-from choreograph.choreography.relations import Relation, dancer_parts, pair_of
-from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, value_at
+from choreograph.choreography.constraints import parse_ban
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.choreography.stage_paths import (
-    LEAST_GAP_M,
-    MARGIN_M,
-    StageBody,
-    StagePaths,
-    formation_knots,
-    least_gap_m,
-    plan_paths,
-)
 from choreograph.core.arguments import (
     as_list,
     as_texts,
@@ -40,23 +27,15 @@ from choreograph.core.progress import ProgressReport, counted
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.cameras import CameraMode
 from choreograph.motion.motion import Motion
-from choreograph.motion.retargeting import leg_length_m
-from choreograph.motion.skeleton import Skeleton
-from choreograph.music.places import Places
 from choreograph.music.song import Song
-from choreograph.music.song_features import SongFeatures
-from choreograph.pipeline.dancing import DEFAULTS, Dance
+from choreograph.pipeline.dancing import DEFAULTS, Dance, dance
+from choreograph.pipeline.scene_planning import SceneRequest, heights_of, plan_scene
 from choreograph.pipeline.session import Session
-from choreograph.render.rendering import render
-from choreograph.render.scene import DancedParts, of_height, on_stage, render_scene
-from choreograph.scene_plan import HEIGHTS, MOST_DANCERS, DancerPart, PlannedDancer, ScenePlan
-from choreograph.settings import DanceConfig, DanceSettings, as_config
-
-_HEIGHTS = (1.0, 0.96, 1.04, 0.98, 1.02, 0.94)  # of the bodies of pairs, from the leader's on
-_HIDDEN_BARS = 2
-_MOST_TRIES = 6  # to keep the finished bodies apart, whose feet may stay behind
-_USUAL_BAR_S = 2.0  # of a song without bars
-_STEPS = 100
+from choreograph.plan import Plan
+from choreograph.render.rendering import render, take_motions, with_edit
+from choreograph.render.scene import render_scene
+from choreograph.scene_plan import MOST_DANCERS, PlannedRequest, ScenePlan
+from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,14 +177,8 @@ def scene(
     >>> scene.motions[1]
     <Motion: 480 frames at 60 fps (8.0 s), 24 joints>
     """
-    names = _names(dancers)
-    formations = parse_schedule("formation", _texts("formation", formation), "v")
-    relations = [
-        Scheduled(entry.when, Relation.parse(entry.value))
-        for entry in parse_schedule("relation", _texts("relation", relation), "unison")
-    ]
-    checked = {entry.value: formation_places(entry.value, len(names)) for entry in formations}
-    genres = _genres(genre, relations)
+    request = SceneRequest.of(_names(dancers), _texts("formation", formation), _texts("relation", relation))
+    genres = _genres(genre, request)
     bodies = as_list("characters", characters, "paths or characters", str | Path | GltfCharacter)
     known = [one if isinstance(one, GltfCharacter) else read_character(one) for one in bodies]
     check_function("report", report)
@@ -219,19 +192,40 @@ def scene(
             genre=genres[index % len(genres)] if genres else None, config=config, report=report, **own
         )
 
-    dances = [danced(0)]
-    if any(entry.value.kind == "free" for entry in relations):
-        dances += [danced(index) for index in range(1, len(names))]
+    dances = [danced(index) for index in range(request.n_dances)]
     beats = settings.get("beats", config.beats)
     features, _ = analyse_song(
         session.song, session.repertoire, beats=beats, genre=genres[0] if genres else None,
         keep=settings.get("cache", config.cache), memory=session._memory,
     )  # fmt: skip
-    heights = _heights(len(names), known, dances[0].motion.skeleton)
-    plan, notes = _planned(dances, features, names, heights, formations, checked, relations)
-    motions = render_scene(plan, [one.motion for one in dances])
-    notes = tuple(dict.fromkeys((*(note for one in dances for note in one.notes), *notes)))
-    return _scene_of(plan, motions, known, notes, session.song.path)
+    heights = heights_of(len(request.names), known, dances[0].motion.skeleton)
+    made = plan_scene(request, [(one.motion, one.plan) for one in dances], features, heights, report)
+    given: dict[str, Any] = dict(settings)
+    if "weights" in given:
+        given["weights"] = {**config.weights, **as_weights(given["weights"])}
+    used = replace(config, **given)
+    asked = [(genres[index % len(genres)] if genres else None, used) for index in range(len(dances))]
+    plan = replace(made.plan, requests=planned_requests(made.plan.dances, asked))
+    notes = tuple(dict.fromkeys((*(note for one in dances for note in one.notes), *made.notes)))
+    return scene_of(plan, made.motions, known, notes, session.song.path)
+
+
+def planned_requests(
+    plans: Sequence[Plan], asked: Sequence[tuple[str | None, DanceConfig]], bans: Sequence[str] = ()
+) -> tuple[PlannedRequest, ...]:
+    """How to make those dances again that networks generate, from the genre and the settings of each.
+
+    A dance in the style of a song without a file has no request, and cannot be made again.
+    """
+    return tuple(
+        PlannedRequest.of(index, genre, bans, replace(config, engine=plan.engine, seed=plan.seed))
+        for index, (plan, (genre, config)) in enumerate(zip(plans, asked, strict=True))
+        if not (replace(plan, edits=()).from_takes or _is_unnamed(config.style_song))
+    )
+
+
+def _is_unnamed(song: object) -> bool:
+    return isinstance(song, Song) and song.path is None
 
 
 @default_numerics()
@@ -243,7 +237,13 @@ def render_scene_plan(
     song_path: Path | None = None,
     report: ProgressReport | None = None,
 ) -> Scene:
-    """The scene of a plan, exactly as planned. Raises as `render` for each of its dances.
+    """The scene of a plan, exactly as planned.
+
+    Dances of takes are rendered. Those that a network has generated are made again, to the song at
+    `song_path`.
+
+    Raises as `render` for each of its dances, as `dance` for those that are made again, and `ParameterError`
+    if they need a song and none is given, or another song or repertoire than that of the plan.
 
     Examples
     --------
@@ -257,17 +257,58 @@ def render_scene_plan(
     check_function("report", report)
     characters = as_list("characters", characters, "GltfCharacter", GltfCharacter)
     ScenePlan.from_json(plan.to_json())  # as valid as that of a file
-    motions = [render(one, repertoire) for one in plan.dances]
-    return _scene_of(plan, render_scene(plan, motions), characters, (), song_path)
+    requests = {request.dance: request for request in plan.requests}
+    motions = [
+        _made_again(one, requests[index], repertoire, song_path, report)
+        if index in requests
+        else render(one, repertoire)
+        for index, one in enumerate(plan.dances)
+    ]
+    return scene_of(plan, render_scene(plan, motions), characters, (), song_path)
 
 
-def _scene_of(
+def _made_again(
+    plan: Plan,
+    request: PlannedRequest,
+    repertoire: Repertoire,
+    song_path: Path | None,
+    report: ProgressReport | None,
+) -> Motion:
+    """The motion of a dance of a network, with the edits of its plan. Raises as `render_scene_plan`."""
+    if song_path is None:
+        raise ParameterError(
+            f"expected the song {plan.song!r} beside the plan, to which the {plan.engine} engine makes its "
+            "dances again, got none"
+        )
+    config = request.config()
+    made = dance(
+        song_path, repertoire, genre=request.genre, bans=[parse_ban(ban) for ban in request.bans],
+        engine=config.engine, config=config, start_s=plan.start_s, duration_s=plan.duration_s, report=report,
+    )  # fmt: skip
+    if _motifs(made.plan) != _motifs(plan):
+        raise ParameterError(
+            f"expected the song {plan.song!r} and the repertoire {plan.repertoire} of the plan, got "
+            f"{song_path} and {repertoire.path.name}, to which another dance is made"
+        )
+    motion, read_motion = made.motion, take_motions(repertoire)
+    for edit in plan.edits:
+        motion = with_edit(motion, plan, edit, read_motion)
+    return motion
+
+
+def _motifs(plan: Plan) -> list[tuple[int, int, str]]:
+    """What a dance of words is told by: the end of each word in ms, its motif and take."""
+    return [(round(1000 * word.end_s), word.motif, word.take) for word in plan.words]
+
+
+def scene_of(
     plan: ScenePlan,
     motions: Sequence[Motion],
     characters: Sequence[GltfCharacter],
     notes: tuple[str, ...],
     song_path: Path | None,
 ) -> Scene:
+    """The scene of a plan, with the motions of its dancers, who have these characters in turn."""
     dancers = tuple(
         Dancer(
             planned.name,
@@ -294,107 +335,10 @@ def _texts(what: str, given: object) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else as_texts(what, given)
 
 
-def _genres(genre: object, relations: Sequence[Scheduled[Relation]]) -> tuple[str, ...]:
+def _genres(genre: object, request: SceneRequest) -> tuple[str, ...]:
     genres = () if genre is None else _texts("genre", genre)
-    if len(genres) > 1 and not any(entry.value.kind == "free" for entry in relations):
+    if len(genres) > 1 and not request.is_free:
         raise ParameterError(
             f"expected one genre unless dancers are free, got {len(genres)}: add the relation free"
         )
     return genres
-
-
-def _heights(n: int, characters: Sequence[GltfCharacter], skeleton: Skeleton) -> list[float]:
-    """The heights of the bodies, relative to the skeleton: those of characters, whose steps then fit."""
-    if not characters:
-        return [_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)] for index in range(n)]
-    sizes = [character.leg_m / leg_length_m(skeleton) for character in characters]
-    for character, size in zip(characters, sizes, strict=True):
-        if not HEIGHTS[0] <= size <= HEIGHTS[1]:
-            raise ParameterError(
-                f"{character.document.name}: expected a character of {HEIGHTS[0]:g} to {HEIGHTS[1]:g} times "
-                f"the size of the takes, got {size:.2f}: is it in centimetres?"
-            )
-    return [round(sizes[index % len(sizes)], 4) for index in range(n)]
-
-
-def _planned(
-    dances: Sequence[Dance],
-    features: SongFeatures,
-    names: Sequence[str],
-    heights: Sequence[float],
-    formations: Sequence[Scheduled[str]],
-    places: dict[str, tuple[np.ndarray, bool]],
-    relations: Sequence[Scheduled[Relation]],
-) -> tuple[ScenePlan, tuple[str, ...]]:
-    """The plan of a scene, and notes on it."""
-    leader, n = dances[0].plan, len(names)
-    plans = tuple(one.plan for one in dances)
-    if n == 1:
-        parts = (DancerPart(0.0, leader.duration_s, 0),)
-        at_m = dances[0].motion.root_pos_m[0]
-        return ScenePlan(plans, (PlannedDancer(names[0], 1.0, parts, (0.0,), (at_m[0],), (at_m[2],)),)), ()
-    found, end_s = Places.of_song(features), leader.duration_s
-    starts_s = borders_s(features, (formations, relations), found)
-    bounds_s = [*starts_s, end_s]
-    middles_s = [start_s + 0.01 for start_s in starts_s]
-    related = [value_at(relations, time_s, found, end_s) for time_s in middles_s]
-    formed = [value_at(formations, time_s, found, end_s) for time_s in middles_s]
-    knots = formation_knots(starts_s, formed, places, leader.music_beats_s, end_s)
-    all_parts = [
-        dancer_parts(index, n, related, bounds_s, leader.music_beats_s, leader.opening_s)
-        for index in range(n)
-    ]
-    bodies = _bodies(all_parts, heights, dances)
-    bars_s = np.diff(features.counts.downbeat_times_s)
-    bar_s = float(np.median(bars_s)) if len(bars_s) else _USUAL_BAR_S
-    symmetric = all(one.kind == "mirror" for one in related)
-    times_s = tuple(knot.time_s for knot in knots)
-    margin_m = MARGIN_M
-    for _ in range(_MOST_TRIES):
-        paths = plan_paths(
-            bodies, knots, symmetric=symmetric, hidden_s=_HIDDEN_BARS * bar_s, margin_m=margin_m
-        )
-        dancers = tuple(
-            PlannedDancer(
-                name, heights[index], all_parts[index], times_s,
-                tuple(paths.places_m[:, index, 0].tolist()), tuple(paths.places_m[:, index, 1].tolist()),
-            )
-            for index, name in enumerate(names)
-        )  # fmt: skip
-        made = [
-            on_stage(DancedParts(body.motion, body.contacts), replace(dancer, height=1.0))
-            for body, dancer in zip(bodies, dancers, strict=True)
-        ]
-        gap_m = least_gap_m(made)
-        if gap_m >= LEAST_GAP_M:
-            break
-        margin_m += LEAST_GAP_M - gap_m + 0.01
-    return ScenePlan(plans, dancers), _notes(paths, gap_m)
-
-
-def _notes(paths: StagePaths, gap_m: float) -> tuple[str, ...]:
-    notes = []
-    if paths.widened > 1.0:
-        wider = f"{paths.widened:.2f} times as wide"
-        notes.append(f"the places were made {wider}, so that bodies stay {LEAST_GAP_M:g} m apart")
-    if gap_m < LEAST_GAP_M:
-        notes.append(
-            f"bodies come as near as {max(gap_m, 0.0):.2f} m, not {LEAST_GAP_M:g} m: ask for fewer dancers, "
-            "fewer changes of formation, or wider places"
-        )
-    return tuple(notes)
-
-
-def _bodies(
-    all_parts: Sequence[tuple[DancerPart, ...]], heights: Sequence[float], dances: Sequence[Dance]
-) -> list[StageBody]:
-    """The dancers before they go anywhere. Those with the same parts and height are one object."""
-    motions, known = [one.motion for one in dances], {}
-    made: dict[tuple[tuple[DancerPart, ...], float], StageBody] = {}
-    for parts, height in zip(all_parts, heights, strict=True):
-        if parts not in known:
-            known[parts] = DancedParts.of(parts, motions, dances[0].plan)
-        if (parts, height) not in made:
-            one = known[parts]
-            made[parts, height] = StageBody(of_height(one.motion, height), one.contacts)
-    return [made[pair] for pair in zip(all_parts, heights, strict=True)]

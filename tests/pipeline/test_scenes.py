@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -164,6 +165,35 @@ def test_a_plan_gives_the_same_bytes_and_follows_its_schema(made, repertoire, tm
     assert cg.load_motion(tmp_path / "a-2.bvh").n_frames == scene.motions[1].n_frames
 
 
+def test_generated_dances_are_made_again_from_the_plan(song, tmp_path):
+    """A network dances: with the plan and the song, the same dances are made, to the byte."""
+    repertoire, path = cg.starter_repertoire(), cg.example_songs()["house"]
+    scene = cg.scene(
+        path,
+        repertoire,
+        dancers=3,
+        relation="free",
+        engine="rollout",
+        start_s=4.0,
+        duration_s=5.0,
+        cache=False,
+    )
+    assert [request.settings.get("seed", 0) for request in scene.plan.requests] == [0, 1, 2]
+    scene.save(tmp_path / "a.json")
+    jsonschema.validate(json.loads((tmp_path / "a.json").read_text()), SCHEMA)
+    plan = cg.ScenePlan.read(tmp_path / "a.json")
+    again = cg.render_scene_plan(plan, repertoire, song_path=path)
+    for one, other in zip(scene.motions, again.motions, strict=True):
+        assert np.array_equal(one.root_pos_m, other.root_pos_m)
+        assert np.array_equal(one.local_quat, other.local_quat)
+    with pytest.raises(cg.ParameterError, match="expected the song 'house' beside the plan"):
+        cg.render_scene_plan(plan, repertoire)
+    with pytest.raises(cg.ParameterError, match="to which another dance is made"):
+        cg.render_scene_plan(plan, repertoire, song_path=song.path)
+    with pytest.raises(cg.ParameterError, match="dance to its song again"):  # a plan of before
+        cg.render_scene_plan(replace(plan, requests=()), repertoire, song_path=path)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -232,7 +262,7 @@ def test_pictures_show_all_dancers(made, tmp_path):
 
 
 def test_bodies_that_cannot_be_kept_apart_are_noted(song, repertoire, monkeypatch):
-    monkeypatch.setattr("choreograph.pipeline.scenes.least_gap_m", lambda motions: 0.41)
+    monkeypatch.setattr("choreograph.pipeline.scene_planning.least_gap_m", lambda motions: 0.41)
     scene = cg.scene(song, repertoire, dancers=2, duration_s=6, **SETTINGS)
     assert any(note.startswith("bodies come as near as 0.41 m, not 0.6 m") for note in scene.notes)
     monkeypatch.undo()
