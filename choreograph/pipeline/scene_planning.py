@@ -39,6 +39,11 @@ _USUAL_BAR_S = 2.0  # of a song without bars
 _PLACING = "placing the dancers"
 
 
+def dancer_names(n: int) -> tuple[str, ...]:
+    """The names of dancers that have no others."""
+    return tuple(f"dancer {number + 1}" for number in range(n))
+
+
 @dataclass(frozen=True, eq=False)
 class SceneRequest:
     """The dancers that are asked for, with their formations and relations by part of the song."""

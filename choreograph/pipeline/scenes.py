@@ -29,7 +29,7 @@ from choreograph.motion.cameras import CameraMode
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import DEFAULTS, Dance, dance
-from choreograph.pipeline.scene_planning import SceneRequest, heights_of, plan_scene
+from choreograph.pipeline.scene_planning import SceneRequest, dancer_names, heights_of, plan_scene
 from choreograph.pipeline.session import Session
 from choreograph.plan import Plan
 from choreograph.render.rendering import render, take_motions, with_edit
@@ -204,22 +204,22 @@ def scene(
     if "weights" in given:
         given["weights"] = {**config.weights, **as_weights(given["weights"])}
     used = replace(config, **given)
-    asked = [(genres[index % len(genres)] if genres else None, used) for index in range(len(dances))]
+    asked = [(genres[index % len(genres)] if genres else None, (), used) for index in range(len(dances))]
     plan = replace(made.plan, requests=planned_requests(made.plan.dances, asked))
     notes = tuple(dict.fromkeys((*(note for one in dances for note in one.notes), *made.notes)))
     return scene_of(plan, made.motions, known, notes, session.song.path)
 
 
 def planned_requests(
-    plans: Sequence[Plan], asked: Sequence[tuple[str | None, DanceConfig]], bans: Sequence[str] = ()
+    plans: Sequence[Plan], asked: Sequence[tuple[str | None, Sequence[str], DanceConfig]]
 ) -> tuple[PlannedRequest, ...]:
-    """How to make those dances again that networks generate, from the genre and the settings of each.
+    """How to make those dances again that networks generate, from genre, bans and settings of each dance.
 
     A dance in the style of a song without a file has no request, and cannot be made again.
     """
     return tuple(
         PlannedRequest.of(index, genre, bans, replace(config, engine=plan.engine, seed=plan.seed))
-        for index, (plan, (genre, config)) in enumerate(zip(plans, asked, strict=True))
+        for index, (plan, (genre, bans, config)) in enumerate(zip(plans, asked, strict=True))
         if not (replace(plan, edits=()).from_takes or _is_unnamed(config.style_song))
     )
 
@@ -324,7 +324,7 @@ def _names(dancers: object) -> tuple[str, ...]:
     if is_whole(dancers):
         if not 1 <= int(dancers) <= MOST_DANCERS:
             raise unexpected(f"1 to {MOST_DANCERS} dancers", dancers)
-        return tuple(f"dancer {number + 1}" for number in range(int(dancers)))
+        return dancer_names(int(dancers))
     names = as_texts("dancers, or a number of them,", dancers)
     if not 1 <= len(names) <= MOST_DANCERS or len(set(names)) < len(names) or not all(names):
         raise unexpected(f"1 to {MOST_DANCERS} dancers of different names", names)

@@ -13,29 +13,29 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.choreography.constraints import Keep
-from choreograph.choreography.edits import EditRequest, edit_slots
-from choreograph.choreography.pieces import PieceRequest
-from choreograph.choreography.song_analysis import analyse_song
-from choreograph.core.errors import FormatError, NoPathError, ParameterError
+from choreograph.choreography.edits import EditRequest
+from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.editing import Editor, edit, planned_edit
+from choreograph.pipeline.editing import edit
 from choreograph.pipeline.figures import danced_figures
 from choreograph.plan_parts import PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.first_part import FirstPart
 from choreograph.render.rendering import take_motions, with_edit
 from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
-from choreograph.studio.offers import Offers
-from choreograph.studio.project import SHORTEST_LEFT_S, Project, Settings, Span, Step
-from choreograph.studio.project_file import ProjectFile, project_path
+from choreograph.studio.offers import Offers, pinned_part
+from choreograph.studio.project import Project, Span, Step
+from choreograph.studio.project_file import ProjectFile, opened, project_path
 from choreograph.studio.refusals import ConflictError, NotFoundError
+from choreograph.studio.settings import SCENE_SETTINGS, Settings
 from choreograph.studio.shelf import Shelf
 from choreograph.studio.step_dances import StepDances
+from choreograph.studio.step_scenes import StagedScene, StepScenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +47,7 @@ class State:
     song: Song | None = None
     features: SongFeatures | None = None  # of the song, once there is a dance
     dance: Dance | None = None  # of the current step
+    scene: StagedScene | None = None  # around it, if there are several dancers
     changed: tuple[Span, ...] = ()  # by the last change
 
 
@@ -59,7 +60,7 @@ class Desk:
         settings = Settings(repertoire=repertoire.path.name)
         self.state = State(Project("", settings=settings), repertoire)  # replaced as a whole
         self._file: ProjectFile | None = None
-        self._dances = StepDances(repertoire)
+        self._dances, self._scenes = StepDances(repertoire), StepScenes()
         self._offers = Offers()
         self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
         self._facts: dict[str, tuple[int, dict[str, Any]]] = {}  # by what they are of, with their step
@@ -91,18 +92,8 @@ class Desk:
         path = project_path(song_path) if file_path is None else file_path
         if path.parent.resolve() != song_path.parent.resolve():
             raise ParameterError(f"expected the project beside its song {song_path}, got {path}")
-        is_open = self._file is not None and self._file.path.resolve() == path.resolve()
-        file = self._file if is_open and self._file is not None else ProjectFile(path)
-        try:
-            project = file.read()
-            if project is not None and project.song != song_path.name:
-                got = repr(project.song)
-                raise FormatError(f"{path}: expected a project of {song_path.name}, got one of {got}")
-        except FormatError:
-            if not is_open:
-                file.close()
-            raise
-        if not is_open:
+        file, project = opened(path, song_path.name, self._file)
+        if file is not self._file:
             self.close()
         if project is None:
             project = Project(song_path.name, settings=self.project.settings)
@@ -127,24 +118,21 @@ class Desk:
             song = load_song(self.folder / self.project.song)
         self.state = replace(self.state, song=song)
         self._dances = StepDances(self.state.repertoire, song.duration_s)
+        self._scenes = StepScenes(song.duration_s)
         current = self.project.current
         if current is not None:
             dance = self._dance_of(current, report)
-            self.state = replace(self.state, dance=dance, features=self._features(self.project))
+            scene = self._scene_of(self.project, current, dance, report)
+            features = self._features(current.settings)
+            self.state = replace(self.state, dance=dance, scene=scene, features=features)
         elif with_dance:
             self.dance_again(self.project.revision, {}, report)
 
     # The dance and what is shown of it.
 
-    def _features(self, project: Project) -> SongFeatures:
-        """The features of the song, which are kept from its analysis for the dance."""
-        settings = project.settings
+    def _features(self, settings: Settings) -> SongFeatures:
         repertoire = self.shelf.open(settings.repertoire, self.folder)
-        found, _ = analyse_song(
-            self.song(), repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
-            memory=self._dances.memory_of(repertoire),
-        )  # fmt: skip
-        return found
+        return self._dances.features(settings, self.song(), repertoire)
 
     def song(self) -> Song:
         """The song of the project. Raises `NotFoundError` if there is none."""
@@ -160,29 +148,36 @@ class Desk:
             raise NotFoundError("expected a dance, got none yet: open a song first")
         return step, dance
 
-    def mannequin(self) -> tuple[str, dict[str, Any]]:
-        """The mesh of the repertoire's body, and its facts."""
-        repertoire = self.state.repertoire
+    def mannequin(self, repertoire: Repertoire | None = None) -> tuple[str, dict[str, Any]]:
+        """The mesh of the body of a repertoire, by default the newest, and its facts."""
+        repertoire = repertoire or self.state.repertoire
         if self._mannequin is None or self._mannequin[0] is not repertoire:
             self._mannequin = repertoire, mannequin_facts(repertoire)
         return self._mannequin[1]
 
     def facts(self, slot: str = "") -> dict[str, Any]:
         """The facts of the dance, or of version A or B. Raises `NotFoundError` if there is none."""
-        step, dance = self.version(slot) if slot else self.current()
+        step, dance, scene = self._shown(slot)
         kept = self._facts.get(slot)
         features = self.state.features
         if kept is None or kept[0] != step.number:
             assert features is not None
-            motion = self.motion_data(slot)["facts"]
-            kept = step.number, whole_facts(dance, features, self.mannequin()[1], motion)
+            motion = self._dances.compressed(step, dance.motion) if scene is None else scene.data
+            kept = step.number, whole_facts(dance, features, self.mannequin()[1], motion["facts"])
             self._facts[slot] = kept
         return kept[1]
 
     def motion_data(self, slot: str = "") -> dict[str, Any]:
-        """The compressed motion of the dance, or of version A or B, else `NotFoundError`."""
-        step, dance = self.version(slot) if slot else self.current()
-        return self._dances.compressed(step, dance.motion)
+        """The compressed motions of the dance, or of version A or B, else `NotFoundError`."""
+        step, dance, scene = self._shown(slot)
+        return self._dances.compressed(step, dance.motion) if scene is None else scene.data
+
+    def _shown(self, slot: str) -> tuple[Step, Dance, StagedScene | None]:
+        """A step, its dance and, for several dancers, the scene around it. Raises as `facts`."""
+        if not slot:
+            return *self.current(), self.state.scene
+        step, dance = self.version(slot)
+        return step, dance, self._scene_of(self.project, step, dance, None)
 
     def version(self, slot: str) -> tuple[Step, Dance]:
         """The step of version A or B, and its dance. Raises `NotFoundError` if there is none."""
@@ -194,6 +189,20 @@ class Desk:
     def _dance_of(self, step: Step, report: ProgressReport | None) -> Dance:
         repertoire = self.shelf.open(step.settings.repertoire, self.folder)
         return self._dances.dance(self.project, step, repertoire, self.song(), report)
+
+    def _scene_of(
+        self, project: Project, step: Step, dance: Dance, report: ProgressReport | None
+    ) -> StagedScene | None:
+        """The scene around the dance of a step, if it has one. Raises as `StepScenes.staged`."""
+        if step.settings.dancers == 1:
+            return None
+        repertoire, song = self.shelf.open(step.settings.repertoire, self.folder), self.song()
+
+        def make(settings: Settings) -> Dance:
+            return self._dances.made(settings, song, repertoire, report)
+
+        features, layout = self._features(step.settings), self.mannequin(repertoire)[1]["mesh"]
+        return self._scenes.staged(project, step, dance, features, layout, make, report)
 
     # Changes. Each is written before it is shown.
 
@@ -212,14 +221,17 @@ class Desk:
                 "or a change before it was faster"
             )
 
-    def _with_dance(self, request: str, made: Dance, settings: Settings, *, edited: bool) -> None:
+    def _with_dance(
+        self, request: str, made: Dance, settings: Settings, report: ProgressReport | None, *, edited: bool
+    ) -> None:
         before = self.state.dance
         changed = [] if before is None else changed_spans(before.motion, made.motion)
         project = self.project.with_dance(request, made.plan, settings, changed, edited=edited)
         step = project.current
         assert step is not None
-        features = self._features(project)
-        self._saved(project, dance=made, changed=step.changed, features=features)
+        features = self._features(settings)
+        scene = self._scene_of(project, step, made, report)
+        self._saved(project, dance=made, scene=scene, changed=step.changed, features=features)
         self._dances.keep(step, made.motion)
 
     def change_settings(
@@ -260,10 +272,18 @@ class Desk:
         self.check(revision)
         song, project = self.song(), self.project
         settings = project.settings.changed(changes)
+        if span is not None and not set(changes).isdisjoint(SCENE_SETTINGS):
+            raise ParameterError(
+                "expected no part of the dance beside dancers, formation or relation, got one: name it in "
+                "the text, such as 8-16=circle"
+            )
         if settings.repertoire != project.settings.repertoire:
             keep_locked, span = False, None  # what would be kept has takes of the other repertoire
         repertoire = self.shelf.open(settings.repertoire, self.folder)
         before = self.state.dance
+        if changes and before is not None and set(changes) <= set(SCENE_SETTINGS) and span is None:
+            self._with_dance(json.dumps(changes), before, settings, report, edited=True)
+            return
         spans = () if before is None else project.kept(keep_locked, span, before.plan.duration_s)
         kept = [Keep(*one) for one in spans]
         again: dict[str, Any] = {"existing": before, "keep": kept} if kept else {"first": first}
@@ -277,7 +297,7 @@ class Desk:
         where = "" if span is None else f" {span[0]:g}-{span[1]:g}"
         # A setting of one span is not that of the whole dance.
         kept_settings = settings if span is None else project.settings
-        self._with_dance(f"{what}{where}", made, kept_settings, edited=bool(kept))
+        self._with_dance(f"{what}{where}", made, kept_settings, report, edited=bool(kept))
 
     def edit(
         self,
@@ -297,24 +317,14 @@ class Desk:
         _, dance = self.current()
         made = edit(dance, requests, self.state.repertoire, seed=seed, report=report)
         new = made.plan.edits[len(dance.plan.edits) :]
-        self._check_locks(new)
+        self.project.check_unlocked(new)
         settings = self.project.settings
         settings = settings.changed({"bans": list(dict.fromkeys((*settings.bans, *bans)))})
         if new:
             request = ", ".join(dict.fromkeys(one.request for one in new))
-            self._with_dance(request, made, settings, edited=True)
+            self._with_dance(request, made, settings, report, edited=True)
         else:  # what is banned is not danced
             self._saved(self.project.with_settings(settings), changed=())
-
-    def _check_locks(self, edits: Sequence[PlannedEdit]) -> None:
-        for one in edits:
-            for start_s, end_s in self.project.locks:
-                if one.start_s < end_s - SHORTEST_LEFT_S and one.end_s > start_s + SHORTEST_LEFT_S:
-                    raise ParameterError(
-                        f"expected an edit outside of what is locked, {start_s:.1f} to {end_s:.1f} s, got "
-                        f"one of {one.start_s:.1f} to {one.end_s:.1f} s with its transitions: unlock it, or "
-                        "leave two counts"
-                    )
 
     def alternatives(
         self, revision: int, span: Span, n: int, report: ProgressReport | None = None
@@ -347,24 +357,16 @@ class Desk:
         """
         self.check(revision)
         _, dance = self.current()
-        repertoire = self.state.repertoire
-        editor = Editor(dance, repertoire, (), 0)
-        wanted = PieceRequest((repertoire.take_index(take),), pinned=True)
-        slots, found = editor.pieces(edit_slots(*span, editor.bounds_s), wanted)
-        if not found:
-            raise NoPathError(f"{take} cannot be danced there on counts, at half to twice its speed")
-        best = min(found, key=lambda piece: abs(piece.words[slots.before].source_start_s - source_s))
-        request = f"pin {span[0]:g}-{span[1]:g}=take:{take}"
-        self._make(planned_edit(best, request), request)
+        self._make(*pinned_part(dance, self.state.repertoire, span, take, source_s))
 
     def _make(self, one: PlannedEdit, request: str) -> None:
-        self._check_locks([one])
+        self.project.check_unlocked([one])
         _, dance = self.current()
         plan = replace(dance.plan, edits=(*dance.plan.edits, one))
         motion = with_edit(dance.motion, plan, one, take_motions(self.state.repertoire))
         figures = danced_figures(plan, self.state.repertoire)
         made = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path, figures=figures)
-        self._with_dance(request, made, self.project.settings, edited=True)
+        self._with_dance(request, made, self.project.settings, None, edited=True)
 
     def move(self, revision: int, *, back: bool) -> None:
         """Undo a step, or redo one that was undone. Raises `ParameterError` if there is none."""
@@ -375,7 +377,9 @@ class Desk:
         assert step is not None
         made = self._dance_of(step, None)
         changed = () if before is None else tuple(changed_spans(before.motion, made.motion))
-        self._saved(project, dance=made, changed=changed, features=self._features(project))
+        scene = self._scene_of(project, step, made, None)
+        features = self._features(step.settings)
+        self._saved(project, dance=made, scene=scene, changed=changed, features=features)
 
     def lock(self, revision: int, locks: Sequence[Span]) -> None:
         """Lock these parts, and no others."""

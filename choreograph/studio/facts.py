@@ -20,7 +20,13 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.rearranging import joins_s
 from choreograph.view.page import dance_facts
-from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_mesh, compress_motion
+from choreograph.view.page_data import (
+    ROTVEC_STEP_RAD,
+    CompressedMotion,
+    compress_mesh,
+    compress_motion,
+    other_facts,
+)
 
 _MOST_MOTION_BYTES = 1 << 25  # on this machine, a page may load more than one that is sent around
 _FAST = 1  # the level of zlib for what does not leave this machine
@@ -56,12 +62,25 @@ def character_facts(character: GltfCharacter) -> dict[str, Any]:
 def motion_data(motion: Motion, *, small: bool = False) -> dict[str, Any]:
     """A compressed motion as `facts` and `motion`. Small ones have 20 frames a second."""
     shown = motion.resampled(min(motion.fps, _SMALL_FPS)) if small else motion
-    made = compress_motion(shown, max_bytes=_MOST_MOTION_BYTES, level=_FAST)
+    made = _compressed(shown)
     facts = {
         "fps": made.fps, "frames": made.n_frames, "root_step_m": made.root_step_m,
         "root_origin_m": list(made.root_origin_m),
     }  # fmt: skip
     return {"facts": facts, "motion": made.text}
+
+
+def other_motion_data(motion: Motion, dancer: int, first: Motion, mesh: dict[str, Any]) -> dict[str, Any]:
+    """As `motion_data` of another dancer of a scene, with the facts of its body.
+
+    `dancer` is its index, `first` the motion of the first one, and `mesh` the layout of the first one's mesh.
+    """
+    made = _compressed(motion)
+    return {"facts": other_facts(made, motion, dancer, first, mesh), "motion": made.text}
+
+
+def _compressed(motion: Motion) -> CompressedMotion:
+    return compress_motion(motion, max_bytes=_MOST_MOTION_BYTES, level=_FAST)
 
 
 def whole_facts(

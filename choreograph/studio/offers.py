@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from choreograph.core.errors import ParameterError
+from choreograph.choreography.edits import edit_slots
+from choreograph.choreography.pieces import PieceRequest
+from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.library.repertoire import Repertoire
 from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import Dance
+from choreograph.pipeline.editing import Editor, planned_edit
 from choreograph.plan_parts import PlannedEdit
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Span
@@ -70,3 +73,20 @@ def _shown(id: str, one: Alternative) -> dict[str, Any]:
         "take": middle.take, "genre": middle.credits.genre,
         **motion_data(part, small=True),
     }  # fmt: skip
+
+
+def pinned_part(
+    dance: Dance, repertoire: Repertoire, span: Span, take: str, source_s: float
+) -> tuple[PlannedEdit, str]:
+    """The edit that dances a take in a span, from the count nearest to a time of the take, and its request.
+
+    Raises `RepertoireError` for an unknown take, and `NoPathError` if the take cannot be danced there.
+    """
+    editor = Editor(dance, repertoire, (), 0)
+    wanted = PieceRequest((repertoire.take_index(take),), pinned=True)
+    slots, found = editor.pieces(edit_slots(*span, editor.bounds_s), wanted)
+    if not found:
+        raise NoPathError(f"{take} cannot be danced there on counts, at half to twice its speed")
+    best = min(found, key=lambda piece: abs(piece.words[slots.before].source_start_s - source_s))
+    request = f"pin {span[0]:g}-{span[1]:g}=take:{take}"
+    return planned_edit(best, request), request

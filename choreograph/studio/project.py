@@ -13,76 +13,24 @@ import json
 import reprlib
 import zlib
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from choreograph.core.arguments import check_choice, check_text, is_number, is_whole
+from choreograph.core.arguments import is_number, is_whole
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.settings import changed as changed_settings
 from choreograph.plan import Plan, plan_text
 from choreograph.plan_parts import PlannedEdit, faults_of_edit, read_edit
-from choreograph.settings import DanceConfig
+from choreograph.studio.settings import Settings
 
 FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
-ENGINES = ("graph", "mixer", "rollout")
 SHORTEST_LEFT_S = 0.05  # of a part that is kept or locked. Shorter ones are left out
 _MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
 
 EditKind = Literal["swap", "vary", "repeat", "hold", "cut", "pin_take", "pin_motif", "ban"]  # of a page
 
 Span = tuple[float, float]  # from one time of the dance to another, in seconds
-
-
-@dataclass(frozen=True)
-class Settings:
-    """The settings of a dance that the studio changes, named as in `DanceConfig`, with the requests."""
-
-    engine: str = "graph"
-    seed: int = 0
-    genre: str | None = None  # that is danced, or None for what suits the song
-    dynamics: float = 1.0
-    front: str = "audience"
-    stage: str = "near"
-    weights: Mapping[str, float] = field(default_factory=dict)  # of costs, instead of the defaults
-    repertoire: str = ""  # name of the file of the takes that are danced
-    bans: tuple[str, ...] = ()  # such as "take:house-01"
-
-    def changed(self, changes: Mapping[str, Any]) -> Settings:
-        """The settings with some changed, as JSON states them. `weights` are added to the others.
-
-        A weight of None is the default again. Raises `ParameterError` for a name or value that is not valid.
-        """
-        known = [one.name for one in fields(Settings)]
-        for name in changes:
-            if name not in known:
-                raise ParameterError(f"expected settings among {', '.join(known)}, got {name[:80]!r}")
-        new = dict(changes)
-        if "weights" in new:
-            if not isinstance(new["weights"], Mapping):
-                got = reprlib.repr(new["weights"])
-                raise ParameterError(f"expected weights as numbers by name, got {got}")
-            weights = {**self.weights, **new["weights"]}
-            new["weights"] = {name: weight for name, weight in weights.items() if weight is not None}
-        if "bans" in new:
-            if not isinstance(new["bans"], list | tuple) or not all(
-                isinstance(ban, str) for ban in new["bans"]
-            ):
-                raise ParameterError(f"expected bans as a list of texts, got {reprlib.repr(new['bans'])}")
-            new["bans"] = tuple(new["bans"])
-        made = replace(self, **new)
-        check_choice("engine", made.engine, ENGINES)
-        if not (made.genre is None or isinstance(made.genre, str)):
-            raise ParameterError(f"expected a genre by name, got {reprlib.repr(made.genre)}")
-        check_text("a repertoire by name", made.repertoire)
-        made.config()
-        return made
-
-    def config(self) -> DanceConfig:
-        """The settings of a dance. Raises `ParameterError` for a value that is not valid."""
-        names = ("engine", "seed", "dynamics", "front", "stage", "weights")
-        return changed_settings(DanceConfig(), {name: getattr(self, name) for name in names})
 
 
 @dataclass(frozen=True)
@@ -115,7 +63,7 @@ def new_step(
     spans = tuple((round(float(a), 6), round(float(b), 6)) for a, b in changed)
     data: dict[str, Any] = {
         "number": number, "parent": None if parent is None else parent.number, "request": request,
-        "settings": asdict(settings), "changed": spans, "edits": [asdict(edit) for edit in own],
+        "settings": settings.to_data(), "changed": spans, "edits": [asdict(edit) for edit in own],
     }  # fmt: skip
     if parent is None:
         data["plan"] = base64.b64encode(base).decode("ascii")
@@ -142,6 +90,12 @@ class Project:
     def current(self) -> Step | None:
         """The step that is shown."""
         return self.steps[self.path[self.at]] if self.path else None
+
+    def root(self, step: Step) -> Step:
+        """The step with the whole plan that a step edits."""
+        while step.parent is not None:
+            step = self.steps[step.parent]
+        return step
 
     @property
     def can_undo(self) -> bool:
@@ -205,6 +159,17 @@ class Project:
             ]
         return joined(kept, duration_s)
 
+    def check_unlocked(self, edits: Iterable[PlannedEdit]) -> None:
+        """Raise `ParameterError` if an edit changes what is locked."""
+        for one in edits:
+            for start_s, end_s in self.locks:
+                if one.start_s < end_s - SHORTEST_LEFT_S and one.end_s > start_s + SHORTEST_LEFT_S:
+                    raise ParameterError(
+                        f"expected an edit outside of what is locked, {start_s:.1f} to {end_s:.1f} s, got "
+                        f"one of {one.start_s:.1f} to {one.end_s:.1f} s with its transitions: unlock it, or "
+                        "leave two counts"
+                    )
+
     def with_version(self, slot: str) -> Project:
         """The project whose current step is version A or B. Raises `ParameterError` for another slot."""
         if slot not in SLOTS or not self.path:
@@ -239,7 +204,7 @@ class Project:
         head = {
             "format": FORMAT, "version": VERSION, "song": self.song,
             "revision": self.revision, "path": self.path, "at": self.at, "locks": self.locks,
-            "versions": dict(self.versions), "settings": asdict(self.settings), "character": self.character,
+            "versions": dict(self.versions), "settings": self.settings.to_data(), "character": self.character,
             "bones": dict(self.bones),
         }  # fmt: skip
         lines = json.dumps(head, indent=1, allow_nan=False).removesuffix("\n}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
-from choreograph.core.errors import ParameterError
+from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path, free_names, locked_folder, read_text, sha256_of
 from choreograph.studio.project import Project, project_from_json
 from choreograph.studio.refusals import UnknownTypeError
@@ -49,6 +49,25 @@ class ProjectFile:
     def close(self) -> None:
         """Let other processes work with the file."""
         self._open.close()
+
+
+def opened(path: Path, song: str, already: ProjectFile | None) -> tuple[ProjectFile, Project | None]:
+    """The locked file of a project, and the project of this song in it, or None if there is no file yet.
+
+    `already` is the file that is open. Raises as `ProjectFile`, and `FormatError` if the file is damaged or
+    of another song.
+    """
+    is_open = already is not None and already.path.resolve() == path.resolve()
+    file = already if is_open and already is not None else ProjectFile(path)
+    try:
+        project = file.read()
+        if project is not None and project.song != song:
+            raise FormatError(f"{path}: expected a project of {song}, got one of {project.song!r}")
+    except FormatError:
+        if not is_open:
+            file.close()
+        raise
+    return file, project
 
 
 def project_path(song: Path) -> Path:

@@ -12,14 +12,17 @@ from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.choreography.formations import FORMATIONS
 from choreograph.library.repertoire import Repertoire
+from choreograph.scene_plan import MOST_DANCERS
 from choreograph.studio.desk import Desk
 from choreograph.studio.explain import weight_choices
-from choreograph.studio.exports import EXPORTED
+from choreograph.studio.exports import EXPORTED, exports_of_each
 from choreograph.studio.facts import character_facts
 from choreograph.studio.jobs import Job, Jobs
 from choreograph.studio.palette import Palette
-from choreograph.studio.project import ENGINES, EditKind
+from choreograph.studio.project import EditKind
+from choreograph.studio.settings import ENGINES, RELATIONS
 from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
@@ -167,13 +170,17 @@ class Service:
             "settings": {
                 "engine": settings.engine, "seed": settings.seed, "genre": settings.genre,
                 "dynamics": settings.dynamics, "front": settings.front, "stage": settings.stage,
-                "weights": dict(settings.weights), "bans": list(settings.bans),
+                "weights": dict(settings.weights), "bans": list(settings.bans), "dancers": settings.dancers,
+                "formation": list(settings.formation), "relation": list(settings.relation),
             },
+            "scene": None if state.scene is None else {"notes": list(state.scene.planned.notes)},
             "choices": {
                 "engines": list(ENGINES), "genres": genres, "fronts": ["audience", "free"],
                 "weights": weight_choices(),
-                "edits": list(get_args(EditKind)),
-                "exports": list(EXPORTED),
+                "edits": list(get_args(EditKind)), "most_dancers": MOST_DANCERS,
+                "formations": list(FORMATIONS), "relations": list(RELATIONS),
+                "exports": list(EXPORTED), "exports_of_each": exports_of_each(),
+                "exports_of_each_character": exports_of_each(characters=True),
             },
             "locks": [list(span) for span in project.locks],
             "can_undo": project.can_undo, "can_redo": project.can_redo,

@@ -6,11 +6,13 @@ from dataclasses import replace
 from typing import Any
 
 from choreograph.choreography.constraints import parse_ban
+from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.numerics import Memory, RecentItems, one_thread
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
+from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance, dance_with
 from choreograph.pipeline.figures import danced_figures
 from choreograph.plan import Plan
@@ -18,7 +20,8 @@ from choreograph.plan_parts import PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.rendering import render_planned, take_motions, with_edit
 from choreograph.studio.facts import motion_data
-from choreograph.studio.project import Project, Settings, Step
+from choreograph.studio.project import Project, Step
+from choreograph.studio.settings import Settings
 
 _MEMORY_BYTES = 32_000_000  # of what dances to one song have in common
 _MEMORY_BYTES_PER_S = 700_000  # of the song, in addition
@@ -42,6 +45,14 @@ class StepDances:
             self._memory = repertoire, Memory(self._memory_bytes)
         return self._memory[1]
 
+    def features(self, settings: Settings, song: Song, repertoire: Repertoire) -> SongFeatures:
+        """The features of the song, which are kept from its analysis for the dance."""
+        found, _ = analyse_song(
+            song, repertoire, beats=settings.config().beats, genre=settings.genre, keep=True,
+            memory=self.memory_of(repertoire),
+        )  # fmt: skip
+        return found
+
     def dance(
         self, project: Project, step: Step, repertoire: Repertoire, song: Song, report: ProgressReport | None
     ) -> Dance:
@@ -60,12 +71,9 @@ class StepDances:
         **again: Any,
     ) -> Dance:
         """A new dance with these settings, and with arguments for parts that are kept. Raises as `dance`."""
-        config = settings.config()
-        if settings.engine != "graph":  # the others have no built-in costs
-            config = replace(config, weights={})
         return dance_with(
             self.memory_of(repertoire), song, repertoire,
-            genre=settings.genre, engine=settings.engine, config=config,
+            genre=settings.genre, engine=settings.engine, config=settings.dance_config(),
             bans=[parse_ban(ban) for ban in settings.bans], report=report, **again,
         )  # fmt: skip
 

@@ -203,12 +203,12 @@ def mannequin_body(motion: Motion, others: Sequence[Motion] = ()) -> PageBody:
     for number, other in enumerate(others, start=2):
         own = compress_motion(other, max_bytes=most)
         data[f"motion-{number}"] = own.text
-        facts.setdefault("others", []).append(_other_facts(own, other, number - 1, motion, mesh_layout))
+        facts.setdefault("others", []).append(other_facts(own, other, number - 1, motion, mesh_layout))
     scripts = ("skeleton.js", "crowd.js", "skin.js", "renderer.js", "main.js")
     return PageBody(facts, data, scripts)
 
 
-def _other_facts(
+def other_facts(
     compressed: CompressedMotion, other: Motion, dancer: int, first: Motion, layout: dict[str, Any]
 ) -> dict[str, Any]:
     """What differs between another dancer of a scene and the first one."""

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.plan_parts import PlannedEdit
-from choreograph.studio.project import Project, Settings, joined, project_from_json
+from choreograph.studio.project import Project, joined, project_from_json
+from choreograph.studio.settings import Settings
 
 
 @pytest.fixture(scope="module")

@@ -74,11 +74,11 @@ export class Actions {
 
   // Make the dance again with other settings, or one span of it. Locked spans are kept. What is danced from the
   // playhead on comes first.
-  settings(changes, span = null) {
+  settings(changes, span = null, label = "Dancing again") {
     return attempt(async () => {
       const at = this.getPlayer().time;
       const answer = await this.store.change("settings", { changes, keep_locked: true, at, ...span });
-      await this.jobs.finish(answer, "Dancing again", { onFirst: (part) => this.store.tellFirst(part) });
+      await this.jobs.finish(answer, label, { onFirst: (part) => this.store.tellFirst(part) });
       return true;
     });
   }

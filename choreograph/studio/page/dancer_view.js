@@ -1,7 +1,8 @@
-// The dancer on the stage: the mannequin, or the user's character, whose renderers are the dance page's.
+// The dancers on the stage: mannequins, or the user's character, whose renderers are the dance page's.
 
 import { CharacterRenderer } from "/page/character_renderer.js";
 import { decompressMesh, decompressMotion } from "/page/decompress.js";
+import { Crowd } from "/page/crowd.js";
 import { createElement } from "/page/elements.js";
 import { Figure } from "/page/figure.js";
 import { OrbitControls } from "/page/orbit.js";
@@ -24,20 +25,18 @@ export class DancerView {
 
   wake() { this.stage?.wake(); }
 
-  // Show the dance of a state. `motion` is its text, or that of another version of the dance.
-  async show(state, { dance = state.dance, motion = null, motionPath = null } = {}) {
-    const isNewest = !motion && !motionPath;
+  // Show the dance of a state, or the version of it whose facts and path of its motion are given.
+  async show(state, { dance = state.dance, motionPath = null } = {}) {
+    const isNewest = !motionPath;
     if (isNewest) await this.decoding;
     const turn = ++this.turn;
     this.known = null;
-    if (state.character && isNewest) { this.shown = null; return this.#showCharacter(state); }
+    if (state.character && isNewest && state.settings.dancers === 1) { this.shown = null; return this.#showCharacter(state); }
     if (isNewest && this.#shows(state)) return null;
-    const text = motion ?? (await get(motionPath ?? `motion?revision=${state.revision}`)).motion;
-    const decoded = await decompressMotion(text, dance);
-    this.mesh ??= await decompressMesh((await get("mesh")).mesh, dance.mesh);
+    const { motion, others = [] } = await get(motionPath ?? `motion?revision=${state.revision}`);
+    const bodies = await this.#bodies(dance, motion, others);
     if (turn !== this.turn) return null; // something newer is shown
-    this.#open("mannequin", (canvas) => Renderer.open(canvas, this.mesh));
-    this.#take(new Dancer(dance, decoded), isNewest ? state.revision : null);
+    this.#takeBodies(bodies, isNewest ? state.revision : null);
     this.shown = isNewest ? state.repertoire.name : null;
     return null;
   }
@@ -52,14 +51,33 @@ export class DancerView {
   // the motion has come.
   async showMotion(revision, dance) {
     if (!this.shown) return;
-    const turn = ++this.turn, { facts, motion, repertoire } = await get(`motion?revision=${revision}`);
+    const turn = ++this.turn, { facts, motion, others = [], repertoire } = await get(`motion?revision=${revision}`);
     const shape = { ...dance, ...facts };
     if (turn !== this.turn || repertoire !== this.shown) return;
-    this.decoding = decompressMotion(motion, shape).then((decoded) => {
+    this.decoding = this.#bodies(shape, motion, others).then((bodies) => {
       if (turn !== this.turn) return;
       this.known = null;
-      this.#take(new Dancer(shape, decoded), revision);
+      this.#takeBodies(bodies, revision);
     });
+  }
+
+  // All dancers with their meshes. Others are on the mesh of the first one, in another size and other colours.
+  async #bodies(dance, motion, others) {
+    this.meshText ??= (await get("mesh")).mesh;
+    this.mesh ??= await decompressMesh(this.meshText, dance.mesh);
+    const rest = others.map(async ({ facts, motion: text }) => {
+      const own = { ...dance, ...facts };
+      return { dancer: new Dancer(own, await decompressMotion(text, own)), mesh: await decompressMesh(this.meshText, own.mesh) };
+    });
+    return [{ dancer: new Dancer(dance, await decompressMotion(motion, dance)), mesh: this.mesh }, ...(await Promise.all(rest))];
+  }
+
+  #takeBodies(bodies, revision) {
+    const { kind } = this;
+    this.#open(`${bodies.length} mannequins`, (canvas) => Renderer.open(canvas, bodies.map(({ mesh }) => mesh)));
+    const dancers = bodies.map(({ dancer }) => dancer);
+    this.#take(dancers.length > 1 ? new Crowd(dancers) : dancers[0], revision);
+    if (kind?.endsWith("mannequins") && kind !== this.kind) this.camera.reset(); // another number of dancers
   }
 
   // Show a part of the next dance within the one that is shown, or without a part the one that was shown before.
@@ -70,7 +88,7 @@ export class DancerView {
       return;
     }
     const { dancer } = this.stage;
-    if (!this.shown || part.facts.fps !== dancer.fps) return;
+    if (!this.shown || dancer.dancers || part.facts.fps !== dancer.fps) return;
     const decoded = await decompressMotion(part.motion, { ...dance, ...part.facts });
     if (dancer !== this.stage.dancer) return; // all of it is there already
     const roots = dancer.roots.slice(), quats = dancer.quats.slice(), first = Math.round(part.from_s * dancer.fps);
@@ -119,8 +137,11 @@ export class DancerView {
     new OrbitControls(this.stage);
   }
 
-  // Where the dancer goes over the dance: [x, z] in metres, ten a second.
-  path() { return this.stage?.dancer?.path.places ?? new Float32Array(0); }
+  // Where each dancer goes over the dance: [x, z] in metres, ten a second.
+  paths() {
+    const { dancer } = this.stage ?? {};
+    return dancer ? (dancer.dancers ?? [dancer]).map(({ path }) => path.places) : [];
+  }
 }
 
 let three = null;

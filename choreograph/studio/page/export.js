@@ -24,7 +24,7 @@ export class Export {
   }
 
   show() {
-    const { choices, character, dance } = this.store.state;
+    const { choices, character, dance, settings } = this.store.state;
     const formats = choices.exports ?? Object.keys(NAMES);
     if (formats.join() !== this.built) this.#build(formats);
     this.built = formats.join();
@@ -33,6 +33,10 @@ export class Export {
     for (const radio of span) if (radio.value === "span") radio.disabled = !partly;
     if (!partly) span.value = "whole";
     document.getElementById("export-character").hidden = !character;
+    const onCharacter = character && this.form.elements.character.checked;
+    const ofEach = onCharacter ? choices.exports_of_each_character : choices.exports_of_each;
+    const packed = settings.dancers > 1 && ofEach?.includes(this.form.elements.format?.value);
+    document.getElementById("export-packed").hidden = !packed;
     this.form.querySelector("[type=submit]").disabled = !dance;
   }
 

@@ -14,6 +14,7 @@ import { Build } from "./build.js";
 import { Character } from "./character.js";
 import { Compare } from "./compare.js";
 import { DancerView } from "./dancer_view.js";
+import { Dancers } from "./dancers.js";
 import { Drop } from "./drop.js";
 import { Explain } from "./explain.js";
 import { Export } from "./export.js";
@@ -46,7 +47,8 @@ class Studio {
     this.alternatives = new Alternatives(store, this.jobs, this.actions, this.figures, () => this.player);
     this.explain = new Explain(store);
     this.palette = new Palette(store, this.actions, this.figures, () => ({ timeline: this.lanes, snap: (time) => this.selection.snap(time) }), () => this.player);
-    new Settings(store, this.actions);
+    const settings = new Settings(store, this.actions);
+    new Dancers(store, this.actions, () => settings.span);
     this.character = new Character(store);
     new Export(store, this.jobs);
     this.build = new Build(store, this.jobs);
@@ -172,7 +174,7 @@ class Studio {
     this.recolour();
     await onStage;
     if (!this.controls) this.controls = new Controls(this.player, this.view.camera, this.lanes, () => this.view.wake());
-    this.floor.show(this.view.path(), this.player.time);
+    this.floor.show(this.view.paths(), this.player.time);
     this.shownTake = null; // the stage may be a new one
     const unmet = dance.unmet ?? [];
     if (unmet.length && unmet.join() !== this.unmet) say(unmet.join(" "), { error: true });
@@ -258,6 +260,10 @@ class Studio {
       get busy() { return document.body.getAttribute("aria-busy") === "true"; },
       get playedSince() { return studio.played.at; }, // the dance that is shown
       get part() { return view.stage?.dancer.part ?? null; }, // of the next dance, within the one before
+      get dancers() { // the places of their joints, in metres
+        const { dancer } = view.stage ?? {};
+        return dancer ? (dancer.dancers ?? [dancer]).map(({ positions }) => Array.from(positions)) : [];
+      },
       get framesDrawn() { return view.stage?.drawn ?? 0; },
       get loop() { return { ...player.loop }; },
       seek(timeS) { player.seek(timeS); },
@@ -277,8 +283,8 @@ class Studio {
 }
 
 // What decides whether a state has another dance than the one shown.
-function contentOf({ dance, song, character }) {
-  return JSON.stringify([song, character, dance.blocks, dance.edits, dance.cost, dance.frames, dance.root_origin_m]);
+function contentOf({ dance, song, character, settings: { dancers, formation, relation } }) {
+  return JSON.stringify([song, character, dancers, formation, relation, dance.blocks, dance.edits, dance.cost, dance.frames, dance.root_origin_m]);
 }
 
 const studio = new Studio(await serverPaths());

@@ -31,7 +31,11 @@ def router(service: Service) -> APIRouter:
 
     @made.get("/api/motion")
     def motion(revision: Annotated[int | None, Query(ge=0)] = None) -> JSONResponse:
-        """The motion of the dance, compressed as in the page of `choreograph dance`."""
+        """The motion of the dance, compressed as in the page of `choreograph dance`.
+
+        With several dancers, it is that of the leader on the stage, and `others` has the facts and motions of
+        the others.
+        """
         shown = desk.state
         desk.current()
         if shown.dance is None or (revision is not None and revision != shown.project.revision):
@@ -47,15 +51,20 @@ def router(service: Service) -> APIRouter:
 
     @made.post("/api/settings", status_code=202)
     def settings(body: SettingsBody) -> dict[str, Any]:
-        """Change settings, and make the dance again, or a span of it."""
+        """Change settings, and make the dance again, or a span of it.
+
+        Dancers, formation and relation leave the dance of the leader as it is. Each formation and relation is
+        VALUE or WHEN=VALUE, as of `choreograph scene`.
+        """
         desk.check(body.revision)
-        desk.project.settings.changed(body.changes)
+        dancers = desk.project.settings.changed(body.changes).dancers
         if (body.from_s is None) != (body.to_s is None):
             raise ParameterError("expected both from and to, or none of them, got one")
         span = None if body.from_s is None or body.to_s is None else (body.from_s, body.to_s)
 
         def work(job: Job) -> None:
-            first = None if body.at is None else first_part(job, body.at, body.revision + 1)
+            # Several dancers come together, so that none is near another one meanwhile.
+            first = None if body.at is None or dancers > 1 else first_part(job, body.at, body.revision + 1)
             desk.change_settings(
                 body.revision, body.changes, job.report, keep_locked=body.keep_locked, span=span, first=first
             )

@@ -15,7 +15,7 @@ from pydantic import Field
 from choreograph.characters.gltf_character import read_character
 from choreograph.core.errors import ParameterError
 from choreograph.studio import builds
-from choreograph.studio.exports import export, suffix_of
+from choreograph.studio.exports import export, export_scene, suffix_of
 from choreograph.studio.jobs import Job
 from choreograph.studio.project_file import checked_name, placed
 from choreograph.studio.refusals import NotFoundError, TooLargeError
@@ -114,9 +114,13 @@ def _add_exports(made: APIRouter, service: Service) -> None:
 
     @made.post("/api/export", status_code=202)
     def start(body: ExportBody) -> dict[str, Any]:
-        """Write the dance, or a part of it, to a file. The result of the job has its id."""
+        """Write the dance, or a part of it, to a file. The result of the job has its id.
+
+        Formats of one dancer are a .zip with a file for each, if there are several.
+        """
         suffix = suffix_of(body.format)
         _, dance = desk.current()
+        scene = desk.state.scene
         if (body.from_s is None) != (body.to_s is None):
             raise ParameterError("expected both from and to, or none of them, got one")
         span = None if body.from_s is None or body.to_s is None else (body.from_s, body.to_s)
@@ -126,11 +130,16 @@ def _add_exports(made: APIRouter, service: Service) -> None:
 
         def work(job: Job) -> dict[str, Any]:
             path.parent.mkdir()
-            export(path, dance, span, character, job.report, click=body.click)
-            service.exports[id] = path
+            if scene is None:
+                made = export(path, dance, span, character, job.report, click=body.click)
+            else:
+                made = export_scene(
+                    path, scene, dance.song_path, span, character, job.report, click=body.click
+                )
+            service.exports[id] = made
             for old in list(service.exports)[:-_EXPORTS]:
                 rmtree(service.exports.pop(old).parent, ignore_errors=True)
-            return {"id": id, "file": path.name, "bytes": path.stat().st_size}
+            return {"id": id, "file": made.name, "bytes": made.stat().st_size}
 
         return {"job": service.jobs.start("export", work, lane="files").id}
 

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from choreograph.studio.project import Settings
 from choreograph.studio.routes.comparing import _named
+from choreograph.studio.settings import Settings
 
 
 @pytest.mark.parametrize(
