@@ -45,12 +45,12 @@ class _Job:
             raise DanceError(
                 f"expected {self.armature} with all its bones, got another armature: was it changed?"
             )
-        self._key(armature, dance)
+        action = self._key(armature, dance)
         lay_out(scene, self.request, dance, self.first_frame)
         _remember(scene, self.request, dance)
-        return dance.facts["notes"], constrained_bones(armature, self.skeleton, dance.tracks)
+        return dance.facts["notes"], constrained_bones(armature, action)
 
-    def _key(self, armature: bpy.types.Object, dance: Dance) -> None:
+    def _key(self, armature: bpy.types.Object, dance: Dance) -> bpy.types.Action:
         name = self.request.song.stem
         action = key_dance(armature, self.skeleton, dance.tracks, self.first_frame, name)
         before = armature.animation_data.action if armature.animation_data else None
@@ -59,6 +59,7 @@ class _Job:
             leave(before)
         action.name = name  # free again if the last dance had it
         action[OURS] = write_credits(f"{name} credits", dance)
+        return action
 
 
 def _remember(scene: bpy.types.Scene, request: Request, dance: Dance) -> None:

@@ -14,6 +14,8 @@ from unittest.mock import MagicMock
 import bpy
 from mathutils import Matrix, Vector
 
+FRAMES_OF_DANCE = 240
+LIMBS = ("upper_arm_parent.L", "upper_arm_parent.R", "thigh_parent.L", "thigh_parent.R")
 PLACED = Matrix.Translation((2.0, -3.0, 0.5)) @ Matrix.Rotation(radians(40.0), 4, "Z")
 
 
@@ -25,17 +27,20 @@ def main() -> None:
     )
     addon = bpy.context.preferences.addons["bl_ext.user_default.choreograph"]
     addon.preferences.program = job["program"]
-    armature = metarig(job["character"]) if job["is_metarig"] else imported(job["character"])
+    armature = MADE.get(job["rig"], imported)(job["character"])
     scene = bpy.context.scene
     scene.render.fps = 30
     scene.frame_start = 11
     things_of_the_user(armature, job["song"])
     settings = scene.choreograph
-    settings.armature, settings.duration_s, settings.start_s = armature, 6.0, 1.5
+    settings.armature, settings.duration_s, settings.start_s = armature, 8.0, 1.5
     seen = after_an_error(scene, armature, job["wrong_song"]) if job["is_whole"] else {}
     settings.song = job["song"]
     bpy.ops.choreograph.dance()
     seen["danced"] = state(scene, armature) | {"joints_m": joints_m(scene, armature)}
+    if job["rig"] == "generated":
+        seen["root"] = with_root_moved(scene, armature)
+        armature.data.pop("rig_id")  # as after a link or an append
     unusual(armature)
     armature.matrix_world = PLACED @ armature.matrix_world
     scene.use_preview_range, scene.frame_preview_start, scene.frame_preview_end = True, 41, 130
@@ -90,6 +95,41 @@ def metarig(path: str) -> bpy.types.Object:
     return armature
 
 
+def generated(path: str) -> bpy.types.Object:
+    """The rig that Rigify generates from its human, whose deforming bones have the skin."""
+    bones = metarig(path)
+    (body,) = bones.children
+    bpy.ops.pose.rigify_generate()
+    rig = next(each for each in bpy.data.objects if each.type == "ARMATURE" and "rig_id" in each.data)
+    body.parent, body.modifiers[0].object = rig, rig
+    for group in body.vertex_groups:
+        group.name = f"DEF-{group.name}"
+    bpy.data.objects.remove(bones)
+    rig["IK_FK before"] = [rig.pose.bones[name]["IK_FK"] for name in LIMBS]
+    return rig
+
+
+def with_root_moved(scene: bpy.types.Scene, rig: bpy.types.Object) -> dict:
+    """Heads of the deforming bones in the middle of the dance, before and after a move of the root."""
+    scene.frame_set(FRAMES_OF_DANCE // 2)
+    moved = Matrix.Translation((1.0, 2.0, 0.5)) @ Matrix.Rotation(radians(70.0), 4, "Z")
+    deforming = [bone for bone in rig.pose.bones if bone.name.startswith("DEF-")]
+    root = rig.pose.bones["root"]
+    expected = [[*(moved @ bone.head)] for bone in deforming]
+    root.matrix = moved @ root.matrix
+    bpy.context.view_layer.update()
+    found = [[*bone.head] for bone in deforming]
+    root.matrix_basis.identity()
+    return {
+        "expected": expected, "found": found,
+        "ik_fk": [rig["IK_FK before"].to_list(), [rig.pose.bones[name]["IK_FK"] for name in LIMBS]],
+        "keyed": sorted({*rig.animation_data.action.layers[0].strips[0].channelbags[0].groups.keys()}),
+    }  # fmt: skip
+
+
+MADE = {"metarig": metarig, "generated": generated}
+
+
 def things_of_the_user(armature: bpy.types.Object, song: str) -> None:
     scene = bpy.context.scene
     armature.animation_data_create().action = bpy.data.actions.new("mine")
@@ -101,7 +141,10 @@ def things_of_the_user(armature: bpy.types.Object, song: str) -> None:
 
 def unusual(armature: bpy.types.Object) -> None:
     """Modes of rotation and inheritance that rigs have."""
-    turned = [bone for bone in armature.pose.bones if bone.parent and bone.children]
+    if "torso" in armature.pose.bones:
+        turned = [bone for bone in armature.pose.bones if "_fk" in bone.name and "MCH" not in bone.name]
+    else:
+        turned = [bone for bone in armature.pose.bones if bone.parent and bone.children]
     for bone, mode in zip(turned, ("XYZ", "AXIS_ANGLE", "ZXY", "QUATERNION"), strict=False):
         bone.rotation_mode = mode
     for bone in turned[3::4]:
@@ -160,17 +203,22 @@ def state(scene: bpy.types.Scene, armature: bpy.types.Object) -> dict:
 def joints_m(scene: bpy.types.Scene, armature: bpy.types.Object, back: Matrix | None = None) -> dict:
     """Heads of the bones at some frames of the dance, counted from 0; moved by `back`, Y up.
 
-    Of a few frames also the skin, which shows how bones are rolled.
+    Of a generated rig at all frames, and of its deforming bones alone, by the names of the metarig. Of a few
+    frames also the skin, which shows how bones are rolled.
     """
-    frames = sorted(random.Random(0).sample(range(180), 20))
-    heads: dict[str, list] = {bone.name: [] for bone in armature.pose.bones}
+    frames = sorted(random.Random(0).sample(range(FRAMES_OF_DANCE), 20))
+    shown_bones = [*armature.pose.bones]
+    if "torso" in armature.pose.bones:
+        frames = [*range(FRAMES_OF_DANCE)]
+        shown_bones = [bone for bone in shown_bones if bone.name.startswith("DEF-")]
+    heads: dict[str, list] = {bone.name.removeprefix("DEF-"): [] for bone in shown_bones}
     skin = []
     to_y_up = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0))).to_4x4() @ (back or Matrix())
     (body,) = [each for each in scene.objects if each.type == "MESH" and each.find_armature() == armature]
     for frame in frames:
         scene.frame_set(scene.frame_start + frame)
-        for bone in armature.pose.bones:
-            heads[bone.name].append([*(to_y_up @ armature.matrix_world @ bone.head)])
+        for bone in shown_bones:
+            heads[bone.name.removeprefix("DEF-")].append([*(to_y_up @ armature.matrix_world @ bone.head)])
         if len(skin) < 3:
             shown = body.evaluated_get(bpy.context.evaluated_depsgraph_get())
             skin.append([[*(to_y_up @ shown.matrix_world @ vertex.co)] for vertex in shown.data.vertices])
