@@ -26,7 +26,7 @@ from choreograph.studio.facts import motion_data, other_motion_data
 from choreograph.studio.project import Project, Step
 from choreograph.studio.settings import Settings
 
-_SCENE_BYTES_PER_S = 1_000_000  # of scenes, some of four dancers
+_SCENE_BYTES_PER_S = 800_000  # of scenes, two or three of four dancers
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,10 @@ class StagedScene:
 
     @property
     def n_bytes(self) -> int:
-        """The size of all motions."""
-        return sum(one.root_pos_m.nbytes + one.local_quat.nbytes for one in self.planned.motions)
+        """The size of all motions and of what is sent."""
+        motions = (*self.planned.motions, *(motion for motion, _ in self.dances))
+        texts = (self.data["motion"], *(other["motion"] for other in self.data["others"]))
+        return sum(one.root_pos_m.nbytes + one.local_quat.nbytes for one in motions) + sum(map(len, texts))
 
     @default_numerics()
     def scene(self, song_path: Path | None, character: GltfCharacter | None) -> Scene:

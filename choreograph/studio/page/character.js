@@ -21,7 +21,8 @@ export class Character {
   send(file) {
     return attempt(async () => {
       this.store.apply(await this.store.sending(upload("character", file)));
-      say(`The dance is on ${file.name} now.`);
+      const several = this.store.state.settings.dancers > 1;
+      say(several ? `Exports are on ${file.name} now. The stage shows several dancers as mannequins.` : `The dance is on ${file.name} now.`);
     });
   }
 

@@ -35,8 +35,10 @@ export class Export {
     document.getElementById("export-character").hidden = !character;
     const onCharacter = character && this.form.elements.character.checked;
     const ofEach = onCharacter ? choices.exports_of_each_character : choices.exports_of_each;
-    const packed = settings.dancers > 1 && ofEach?.includes(this.form.elements.format?.value);
-    document.getElementById("export-packed").hidden = !packed;
+    for (const label of document.querySelectorAll("#formats .format")) {
+      const format = label.querySelector("input").value, packed = settings.dancers > 1 && ofEach?.includes(format);
+      label.querySelector("span").textContent = packed ? "a .zip with a file for each dancer" : NAMES[format]?.[1] ?? "";
+    }
     this.form.querySelector("[type=submit]").disabled = !dance;
   }
 

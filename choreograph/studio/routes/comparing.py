@@ -66,4 +66,8 @@ def _named(step: Step) -> str:
     edits = f", {len(step.edits)} edits" if step.edits else ""
     weights = "".join(f", {name}={weight:g}" for name, weight in step.settings.weights.items())
     genre = f", {step.settings.genre}" if step.settings.genre else ""
-    return f"{step.settings.engine}, seed {step.settings.seed}{genre}{weights}{edits}"
+    n = step.settings.dancers
+    dancers = (
+        f", {n} dancers, {' '.join((*step.settings.formation, *step.settings.relation))}" if n > 1 else ""
+    )
+    return f"{step.settings.engine}, seed {step.settings.seed}{genre}{weights}{edits}{dancers}"

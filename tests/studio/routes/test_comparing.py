@@ -16,6 +16,7 @@ from choreograph.studio.settings import Settings
         ({}, 0, "graph, seed 0"),
         ({"seed": 3, "genre": "tango"}, 2, "graph, seed 3, tango, 2 edits"),
         ({"weights": {"pace": 2.0}}, 0, "graph, seed 0, pace=2"),
+        ({"dancers": 2, "relation": ["mirror"]}, 0, "graph, seed 0, 2 dancers, v mirror"),
     ],
 )
 def test_a_version_is_named_by_its_settings(changes, n_edits, expected):
