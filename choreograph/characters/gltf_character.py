@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from choreograph.characters.fingers import HandSpan, hand_spans
 from choreograph.characters.performance import Performance, leg_m, perform
 from choreograph.core.arguments import as_list, check_kind, check_text
 from choreograph.core.counts import Figure
@@ -21,6 +20,7 @@ from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.gltf_rig import Rig, SkinPoints, read_rig, read_skin_points
 from choreograph.motion.bone_map import find_bones
+from choreograph.motion.hands import HandSpan, hand_spans
 from choreograph.motion.motion import Motion
 
 

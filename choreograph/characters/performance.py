@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.characters.feet_and_hands import body_parts, keep_hands_out, placed_feet, sole_offsets_m
-from choreograph.characters.fingers import HandSpan, with_fingers
+from choreograph.characters.fingers import with_fingers
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.formats.gltf_rig import Rig, SkinPoints, rotations_of
@@ -24,6 +24,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
+from choreograph.motion.hands import HandSpan
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget

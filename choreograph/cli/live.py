@@ -148,7 +148,7 @@ def _play(
     websocket, control = ports
     made = _dance(song, db, arguments) if dance is None else None
     motion = made.motion if made is not None else _motion(song, dance)
-    body = ChangingBody(VmcBody.of(motion.resampled(fps)))
+    body = ChangingBody(VmcBody.of(motion.resampled(fps), made.figures if made is not None else ()))
     clock = _Clock()
     with ExitStack() as stack:
         out = stack.enter_context(socket.socket(receiver.family, socket.SOCK_DGRAM))

@@ -6,24 +6,28 @@ A file has keys of bones by name and no skeleton. Motions are written and read o
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import unicodedata
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.vmd_body import (
     CENTRE,
     CENTRE_POS_M,
+    FINGERS,
     LOWER,
     SIDES,
     UNIT_M,
     UNKEYED,
     UPPER,
     bend_leg,
+    finger_turns,
     hinged_thigh,
     mirrored,
     standard_body,
@@ -31,6 +35,7 @@ from choreograph.formats.vmd_body import (
 from choreograph.formats.vmd_file import VMD_FPS, BoneKeys, VmdFile, linear_curves, parse_vmd, vmd_bytes
 from choreograph.formats.writer import Writer
 from choreograph.motion import rotations as rot
+from choreograph.motion.hands import hand_spans, shape_shares
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Credits, Motion, Take, check_length
 from choreograph.motion.retargeting import retarget
@@ -95,7 +100,13 @@ class _Reader:
 
     def notes(self) -> tuple[str, ...]:
         """What was left out, and the body, in a line each."""
-        others = sorted(set(self.file.bones) - set(_known_bones()))
+        fingers = {
+            unicodedata.normalize("NFKC", f"{mark}{name}")
+            for mark in SIDES.values()
+            for names in FINGERS.values()
+            for name in names
+        }
+        others = sorted(set(self.file.bones) - set(_known_bones()) - fingers)
         height = "on a body of 1.60 m, the size of common models, since the file has no skeleton"
         left = f"left out the keys of {len(others)} bones, such as {others[0]}" if others else ""
         return tuple(note for note in (height, left) if note)
@@ -193,11 +204,12 @@ class VmdWriter(Writer):
 
     A motion on another skeleton is retargeted to the standard body. Feet have IK, which is on, and legs have
     the rotations that the IK gives on that body. Knees bend about one axis, as in the models, and not
-    backwards.
+    backwards. In a dance, fingers are relaxed, or open or a fist in its `figures`.
     """
 
     format = "vmd"
     uses = ("target",)
+    figures: Sequence[Figure] = ()  # that are danced, in seconds of the motion
 
     def write(self, motion: Motion, path: Path) -> None:
         """Write `motion`. Raises `ParameterError` if its joint names are unknown."""
@@ -206,9 +218,12 @@ class VmdWriter(Writer):
         frames = frame_times_s(n_frames, VMD_FPS) * motion.fps
         motion = motion if motion.fps == VMD_FPS else motion.sampled_smooth(frames, fps=VMD_FPS)
         dancer = motion if motion.skeleton.same_as(body) else retarget(motion, body)
+        keys = _bone_keys(on_hinges(dancer))
+        if self.is_dance:
+            keys |= _finger_keys(n_frames, self.figures)
         content = vmd_bytes(
             DANCE_MODEL if self.is_dance else MODEL,
-            _bone_keys(on_hinges(dancer)),
+            keys,
             [f"{mark}{name}" for name in ("足ＩＫ", "つま先ＩＫ") for mark in SIDES.values()],
         )
         path.write_bytes(content)
@@ -254,6 +269,19 @@ def _dense_keys(pos_m: NDArray[np.float64], quat: NDArray[np.float64]) -> BoneKe
     n_keys = len(pos_m) if moving else 1
     pos, quat = mirrored(pos_m[:n_keys] / UNIT_M, rot.make_continuous(quat[:n_keys]))
     return BoneKeys(np.arange(n_keys), pos, quat, linear_curves(n_keys))
+
+
+def _finger_keys(n_frames: int, figures: Sequence[Figure]) -> dict[str, BoneKeys]:
+    """Keys of the bones of fingers, in the frames in which they begin, change, or come to rest."""
+    shares = shape_shares(n_frames, VMD_FPS, hand_spans(figures))  # (T, S)
+    changes = (np.diff(shares, axis=0) != 0.0).any(axis=1)  # (T - 1,)
+    keyed = np.flatnonzero(np.append(changes, False) | np.insert(changes, 0, True))
+    keys = {}
+    for side in SIDES:
+        for name, turns in finger_turns(side, shares[keyed]).items():
+            pos, quat = mirrored(np.zeros((len(keyed), 3)), rot.make_continuous(turns))
+            keys[name] = BoneKeys(keyed, pos, quat, linear_curves(len(keyed)))
+    return keys
 
 
 WRITERS = (VmdWriter,)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.hands import finger_quats
 from choreograph.motion.skeleton import Skeleton
 
 UNIT_M = 0.08
@@ -48,6 +49,13 @@ _LIMBS = (
 _ABOVE_HEAD = (0.0, 2.8, 0.0)
 UNKEYED = ("つま先", "中指１")  # ends of limbs, whose rotations are not in files
 
+# Bones of fingers from the hand to the tip, without their sides. Some models lack the first one of the thumb.
+FINGERS = {
+    "thumb": ("親指０", "親指１", "親指２"), "index": ("人指１", "人指２", "人指３"),
+    "middle": ("中指１", "中指２", "中指３"), "ring": ("薬指１", "薬指２", "薬指３"),
+    "pinky": ("小指１", "小指２", "小指３"),
+}  # fmt: skip
+
 _X = np.array([1.0, 0.0, 0.0])
 _STRAIGHT = 0.02  # sine of the bend of a knee below which its axis is mostly that of the thigh
 
@@ -81,6 +89,18 @@ def standard_body() -> Skeleton:
 def mirrored(pos: NDArray[np.float64], quat: NDArray[np.float64]) -> tuple[np.ndarray, np.ndarray]:
     """Positions (..., 3) and rotations (..., 4) from the axes of MikuMikuDance to ours, and back."""
     return pos * np.array([1.0, 1.0, -1.0]), quat * np.array([1.0, -1.0, -1.0, 1.0])
+
+
+def finger_turns(side: str, shares: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+    """Local rotations (T, 4) of the bones of fingers of a hand, by name, for shares (T, S) of its shapes."""
+    angle_rad = -_ARM_RAD if side == "left" else _ARM_RAD
+    arm = rot.from_rotvec(np.array([0.0, 0.0, angle_rad]))  # from the T pose to that of the body
+    quats = finger_quats(side, shares)
+    return {
+        f"{SIDES[side]}{name}": rot.multiply(arm, rot.multiply(quats[finger][:, segment], rot.invert(arm)))
+        for finger, names in FINGERS.items()
+        for segment, name in enumerate(names)
+    }
 
 
 def bend_leg(

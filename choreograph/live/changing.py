@@ -127,7 +127,7 @@ def _changed(
     for unused in [other for other in _DANCES if other != before]:
         del _DANCES[unused]
     _DANCES[number] = made
-    return VmcBody.of(sized(made.motion, wanted.sizes).resampled(fps)), made.unmet
+    return VmcBody.of(sized(made.motion, wanted.sizes).resampled(fps), made.figures), made.unmet
 
 
 def phrases_s(song: Path, repertoire: tuple[Path, ...], duration_s: float) -> list[float]:

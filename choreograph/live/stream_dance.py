@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain, repeat
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,6 +15,7 @@ from queue import SimpleQueue
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ChoreographError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
@@ -26,6 +27,7 @@ from choreograph.live.stream_parts import (
     FPS,
     KEPT_S,
     PartRequest,
+    PlannedPart,
     clicks,
     expected,
     open_planner,
@@ -61,6 +63,7 @@ class Part:
     clock: BeatClock | None
     next_beat: float = 0.0  # position at which the next part is expected to begin
     rests: bool = False  # it comes to rest
+    figures: tuple[Figure, ...] = ()  # that are danced, in seconds from its first frame
 
     def frames_at(self, clock: BeatClock | None, times_s: Floats) -> Floats:
         """The fractional frames at times (T,) of the stream, by the latest clock."""
@@ -145,7 +148,7 @@ class StreamDance:
     """
 
     listen: Callable[[NDArray[np.float32]], Future[BeatClock | None]]
-    plan: Callable[[PartRequest], Future[Motion]]
+    plan: Callable[[PartRequest], Future[PlannedPart]]
     body: StreamBody
     note: Callable[[str], None]
     genre: str | None = None
@@ -159,7 +162,9 @@ class StreamDance:
     _unheard: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _heard: Future[BeatClock | None] | None = None
     _told: BeatClock | None = None  # of the latest note
-    _planned: tuple[Future[Motion], Part, float] | None = None  # with all but its motion, and its first time
+    _planned: tuple[Future[PlannedPart], Part, float] | None = (
+        None  # with all but its motion, and its first time
+    )
 
     def hear(self, block: NDArray[np.float32]) -> None:
         """Take the next samples, what was found since the last ones, and plan if it is time."""
@@ -213,7 +218,7 @@ class StreamDance:
         future, part, first_s = self._planned
         self._planned = None
         try:
-            motion = future.result()
+            planned = future.result()
         except ChoreographError as error:
             self.genre = None
             self.note(f"a part could not be planned: {error}")
@@ -224,9 +229,19 @@ class StreamDance:
         clock = self.clock
         if clock is None or part.clock is None or clock.generation != part.clock.generation:
             clock = part.clock
-        made = Part(motion, VmcBody.of(motion), part.from_s, part.clock, part.next_beat, part.rests)
+        figures = (*self._figures_before(part.from_s), *planned.figures)
+        body = VmcBody.of(planned.motion, figures)
+        made = replace(part, motion=planned.motion, body=body, figures=figures)
         self.body.take(made, clock)
         self.n_parts += 1
+
+    def _figures_before(self, from_s: float) -> Iterator[Figure]:
+        """The figures of the dance so far in the kept motion of a part that begins at a time."""
+        before = self.body.part
+        for figure in before.figures:
+            start_s, end_s = (before.from_s + time_s - from_s for time_s in (figure.start_s, figure.end_s))
+            if start_s < KEPT_S and end_s > 0.0:
+                yield replace(figure, start_s=max(start_s, 0.0), end_s=min(end_s, KEPT_S))
 
     def _plan_next(self) -> None:
         part, clock = self.body.part, self.clock
@@ -282,14 +297,15 @@ def stream_dance(
         ProcessPoolExecutor(1, spawn, open_planner, (repertoire,)) as planner,
     ):
         listener.submit(len, ())
-        motion = planner.submit(plan_here, standing(_STAND_S)).result().sliced(0, round(_STAND_S * FPS) - FPS)
+        stands = planner.submit(plan_here, standing(_STAND_S)).result().motion
+        motion = stands.sliced(0, round(_STAND_S * FPS) - FPS)
         first = Part(motion, VmcBody.of(motion), 0.0, None, rests=True)
         body = StreamBody(first)
 
         def listen(block: NDArray[np.float32]) -> Future[BeatClock | None]:
             return listener.submit(hear_here, block)
 
-        def plan(request: PartRequest) -> Future[Motion]:
+        def plan(request: PartRequest) -> Future[PlannedPart]:
             return planner.submit(plan_here, request)
 
         yield StreamDance(listen, plan, body, note, genre, seed)

@@ -22,7 +22,7 @@ from choreograph.choreography.genres import likely_genre
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.core.counts import Counts
+from choreograph.core.counts import Counts, Figure
 from choreograph.core.numerics import Memory
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, STORE_FPS, seconds_to_frames
 from choreograph.formats.register import save_motion
@@ -83,6 +83,14 @@ def expected(
     return samples
 
 
+@dataclass(frozen=True, eq=False)
+class PlannedPart:
+    """The motion of a part, and the figures that are danced in it, in seconds from its first frame."""
+
+    motion: Motion
+    figures: tuple[Figure, ...] = ()
+
+
 class NotAgain(Cost):
     """1 for a node from what the latest parts have danced, in the same take within half a second."""
 
@@ -109,8 +117,8 @@ class PartPlanner:
         self._danced: deque[list[tuple[str, float, float]]] = deque(maxlen=_RECENT)
         self._genres: dict[str, float] = {}  # how well each suits the music
 
-    def plan(self, request: PartRequest) -> Motion:
-        """The motion of a part, `KEPT_S` of kept motion first. Raises as `choreograph.dance`."""
+    def plan(self, request: PartRequest) -> PlannedPart:
+        """A part, `KEPT_S` of kept motion first. Raises as `choreograph.dance`."""
         song, counts = Song(request.samples, "stream"), request.counts
         rows = zip(counts.times_s.tolist(), counts.numbers.tolist(), strict=True)
         with TemporaryDirectory() as folder:
@@ -135,7 +143,9 @@ class PartPlanner:
             self._danced.append(danced)
         first, until = (seconds_to_frames(time_s, FPS) for time_s in (KEPT_S, request.until_s))
         motion = made.motion if request.kept is None else to_middle(made.motion, first, until)
-        return hold_ends(motion, 0.0, request.until_s) if request.rests else motion
+        if request.rests:
+            return PlannedPart(hold_ends(motion, 0.0, request.until_s))
+        return PlannedPart(motion, made.figures)
 
     def _genre(self, song: Song, beats: Path) -> str | None:
         """The genre that the music has suited best so far, since a few seconds of it are little evidence."""
@@ -177,14 +187,14 @@ def open_planner(repertoire: tuple[Path, ...]) -> None:
     """Open a repertoire in this process, for `plan_here`."""
     stay_behind()
     opened = as_repertoire(repertoire)
-    stands = PartPlanner(opened).plan(standing(KEPT_S))
+    stands = PartPlanner(opened).plan(standing(KEPT_S)).motion
     counts = Counts(np.arange(0.0, KEPT_S + 4.0, 0.5), np.arange(int(2 * KEPT_S) + 8) % 4 + 1, 4)
     first = PartRequest(clicks(counts, KEPT_S + 4.0), counts, stands, KEPT_S + 2.0, None, 0)
     PartPlanner(opened).plan(first)  # which loads and compiles what the others use
     _PLANNERS.append(PartPlanner(opened))
 
 
-def plan_here(request: PartRequest) -> Motion:
+def plan_here(request: PartRequest) -> PlannedPart:
     """As `PartPlanner.plan`, by the planner of this process."""
     return _PLANNERS[0].plan(request)
 

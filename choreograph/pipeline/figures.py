@@ -1,13 +1,16 @@
-"""The figures that a dance consists of, by the takes of its plan."""
+"""The figures that a dance consists of, by the takes of its plan, and those of each dancer of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from choreograph.core.counts import Figure
+import numpy as np
+
+from choreograph.core.counts import Figure, counts_later_s
 from choreograph.library.repertoire import Repertoire
 from choreograph.plan import Plan
+from choreograph.scene_plan import DancerPart
 
 _SHORTEST_S = 0.25  # parts of a figure that are shorter say little of it
 
@@ -54,3 +57,26 @@ def figures_from(figures: Sequence[Figure], start_s: float) -> tuple[Figure, ...
         for figure in figures
         if figure.end_s > start_s
     )
+
+
+def figures_of_parts(
+    parts: Sequence[DancerPart], of_dances: Sequence[Sequence[Figure]], plan: Plan
+) -> tuple[Figure, ...]:
+    """The figures that a dancer of a scene dances, in order, from those of each of its dances.
+
+    Where a pose is held, the figure before goes on. `plan` is that of the leader's dance, with the counts.
+    """
+    found: list[Figure] = []
+    for part in parts:
+        if part.held:
+            if found and found[-1].end_s >= part.start_s - _SHORTEST_S:
+                found[-1] = replace(found[-1], end_s=part.end_s)
+            continue
+        for figure in of_dances[part.dance]:
+            later_s = np.array([figure.start_s, figure.end_s])
+            if part.delay_counts:
+                later_s = counts_later_s(plan.music_beats_s, later_s, part.delay_counts)
+            start_s, end_s = max(float(later_s[0]), part.start_s), min(float(later_s[1]), part.end_s)
+            if end_s > start_s:
+                found.append(replace(figure, start_s=start_s, end_s=end_s))
+    return tuple(found)

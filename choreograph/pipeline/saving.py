@@ -25,7 +25,7 @@ from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
 from choreograph.formats.targets import TARGETS, TargetName, check_target_format, clip_name, placed, reads
-from choreograph.formats.vmd import DANCE_MODEL
+from choreograph.formats.vmd import DANCE_MODEL, VmdWriter
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.plan import FORMAT as PLAN_FORMAT
@@ -68,7 +68,7 @@ class SavedParts:
     target: TargetName | None = None  # the program that it is for
     from_s: float = 0.0  # where the motion begins in the dance of the plan
     loops: bool = False  # whether the motion ends where it begins
-    figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, for the hands of a character
+    figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, which say what hands do
 
 
 def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | None = None) -> None:
@@ -96,6 +96,8 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         writer.is_dance, writer.camera = True, parts.camera
         if isinstance(writer, GlbWriter) and parts.target is not None:
             writer.target, writer.clip = TARGETS[parts.target], _clip_name(parts, parts.target)
+        if isinstance(writer, VmdWriter):
+            writer.figures = parts.figures
         sound = None
         if suffix == "vmd" and parts.target is not None and parts.song_path is not None:
             sound = sound_beside(path, [parts.song_path])

@@ -100,8 +100,9 @@ def _parts(scene: Scene, dancer: Dancer, with_clicks: bool, filmed: CameraPath |
     """What is saved of one dancer."""
     dance = dancer.dance
     return SavedParts(
-        dance.motion, dance.plan, lambda: dance.motion_beats_s, scene.song_path, with_clicks, camera=filmed
-    )
+        dance.motion, dance.plan, lambda: dance.motion_beats_s, scene.song_path, with_clicks, camera=filmed,
+        figures=dance.figures,
+    )  # fmt: skip
 
 
 def _save_page(scene: Scene, path: Path, filmed: CameraPath | None, report: ProgressReport | None) -> None:

@@ -20,6 +20,7 @@ from choreograph.core.arguments import (
     is_whole,
     unexpected,
 )
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
@@ -29,6 +30,7 @@ from choreograph.motion.cameras import CameraMode
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import DEFAULTS, Dance, dance
+from choreograph.pipeline.figures import danced_figures, figures_of_parts
 from choreograph.pipeline.scene_planning import SceneRequest, dancer_names, heights_of, plan_scene
 from choreograph.pipeline.session import Session
 from choreograph.plan import Plan
@@ -207,7 +209,8 @@ def scene(
     asked = [(genres[index % len(genres)] if genres else None, (), used) for index in range(len(dances))]
     plan = replace(made.plan, requests=planned_requests(made.plan.dances, asked))
     notes = tuple(dict.fromkeys((*(note for one in dances for note in one.notes), *made.notes)))
-    return scene_of(plan, made.motions, known, notes, session.song.path)
+    figures = [one.figures for one in dances]
+    return scene_of(plan, made.motions, known, notes, session.song.path, figures)
 
 
 def planned_requests(
@@ -264,7 +267,8 @@ def render_scene_plan(
         else render(one, repertoire)
         for index, one in enumerate(plan.dances)
     ]
-    return scene_of(plan, render_scene(plan, motions), characters, (), song_path)
+    figures = [danced_figures(one, repertoire) for one in plan.dances]
+    return scene_of(plan, render_scene(plan, motions), characters, (), song_path, figures)
 
 
 def _made_again(
@@ -307,12 +311,22 @@ def scene_of(
     characters: Sequence[GltfCharacter],
     notes: tuple[str, ...],
     song_path: Path | None,
+    figures: Sequence[Sequence[Figure]],
 ) -> Scene:
-    """The scene of a plan, with the motions of its dancers, who have these characters in turn."""
+    """The scene of a plan, with the motions of its dancers, who have these characters in turn.
+
+    `figures` are those of each dance of the plan.
+    """
+    leader = plan.dances[0]
     dancers = tuple(
         Dancer(
             planned.name,
-            Dance(motion, plan.dances[planned.parts[0].dance], song_path=song_path),
+            Dance(
+                motion,
+                plan.dances[planned.parts[0].dance],
+                song_path=song_path,
+                figures=figures_of_parts(planned.parts, figures, leader),
+            ),
             characters[index % len(characters)] if characters else None,
         )
         for index, (planned, motion) in enumerate(zip(plan.dancers, motions, strict=True))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.core.counts import Figure
 from choreograph.core.numerics import RecentItems, default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.motion.motion import Motion
@@ -35,6 +36,7 @@ class StagedScene:
 
     request: SceneRequest
     dances: tuple[tuple[Motion, Plan], ...]  # that of the leader first
+    figures: tuple[tuple[Figure, ...], ...]  # of each of them
     asked: tuple[Settings, ...]  # with which each of them was made
     features: SongFeatures
     planned: PlannedScene
@@ -57,7 +59,7 @@ class StagedScene:
         asked = [(one.genre, one.bans, one.dance_config()) for one in self.asked]
         requests = planned_requests(planned.plan.dances, asked)
         plan = replace(planned.plan, requests=requests)
-        return scene_of(plan, planned.motions, characters, planned.notes, song_path)
+        return scene_of(plan, planned.motions, characters, planned.notes, song_path, self.figures)
 
 
 class StepScenes:
@@ -66,7 +68,7 @@ class StepScenes:
     def __init__(self, duration_s: float = 60.0) -> None:
         """Keep what fits in memory for a song of this length."""
         self._scenes: RecentItems[StagedScene] = RecentItems(round(_SCENE_BYTES_PER_S * duration_s))
-        self._others: tuple[str, tuple[tuple[Motion, Plan], ...]] = "", ()  # of free dancers, the last ones
+        self._others: tuple[str, tuple[Dance, ...]] = "", ()  # of free dancers, the last ones
 
     @default_numerics()
     def staged(
@@ -91,7 +93,8 @@ class StepScenes:
         request = step.settings.scene_request()
         others = tuple(step.settings.of_dancer(index) for index in range(1, request.n_dances))
         asked = (project.root(step).settings, *others)
-        dances = ((dance.motion, dance.plan), *self._danced(others, make))
+        made = (dance, *self._danced(others, make))
+        dances = tuple((one.motion, one.plan) for one in made)
         heights = heights_of(len(request.names), (), dance.motion.skeleton)
         planned = plan_scene(request, dances, features, heights, report)
         if report is not None:
@@ -99,16 +102,14 @@ class StepScenes:
         first, *rest = planned.motions
         data = motion_data(first)
         data["others"] = [other_motion_data(one, i, first, mesh) for i, one in enumerate(rest, start=1)]
-        made = StagedScene(request, dances, asked, features, planned, data)
-        self._scenes.keep(key, made, made.n_bytes)
-        return made
+        figures = tuple(one.figures for one in made)
+        staged = StagedScene(request, dances, figures, asked, features, planned, data)
+        self._scenes.keep(key, staged, staged.n_bytes)
+        return staged
 
-    def _danced(
-        self, asked: tuple[Settings, ...], make: Callable[[Settings], Dance]
-    ) -> tuple[tuple[Motion, Plan], ...]:
+    def _danced(self, asked: tuple[Settings, ...], make: Callable[[Settings], Dance]) -> tuple[Dance, ...]:
         """The dances of free dancers, which a change of the leader's dance leaves as they are."""
         key = json.dumps([one.to_data() for one in asked])
         if key != self._others[0]:
-            made = [make(one) for one in asked]
-            self._others = key, tuple((one.motion, one.plan) for one in made)
+            self._others = key, tuple(make(one) for one in asked)
         return self._others[1]

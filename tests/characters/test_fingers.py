@@ -10,18 +10,12 @@ from gltf_worlds import node_worlds
 from synthetic_characters import CHARACTERS, UNREAL, VRM, Spec, write_character
 from synthetic_motions import swaying
 
-from choreograph.characters.fingers import (
-    SHAPES,
-    HandSpan,
-    fingers_of,
-    hand_spans,
-    shape_of,
-    with_fingers,
-)
+from choreograph.characters.fingers import fingers_of, with_fingers
 from choreograph.characters.gltf_character import read_character
 from choreograph.characters.performance import figure_skeleton, perform
 from choreograph.core.counts import Figure
 from choreograph.motion import rotations as rot
+from choreograph.motion.hands import SHAPES, HandSpan, hand_spans
 from choreograph.motion.motion import Motion
 
 MOTION = swaying(120, fps=60.0)
@@ -117,13 +111,3 @@ def test_hands_without_fingers_are_as_they_were(tmp_path):
     assert with_fingers(figure, hero.rig, hero.bones, joint_of, [HandSpan(0, 1, "fist")]) is figure
     with_one = replace(hero.rig, names=("Index1", *hero.rig.names[1:]))
     assert with_fingers(figure, with_one, hero.bones, joint_of) is figure
-
-
-def test_figures_say_what_hands_do():
-    for name, shape in (
-        ("New Yorker", "open"), ("point to the sky", "open"), ("hand to hand", "open"),
-        ("stomp and turn", "fist"), ("running man", "fist"), ("natural turn", "relaxed"), ("", "relaxed"),
-    ):  # fmt: skip
-        assert shape_of(name) == shape
-    figures = [Figure("jack", 1.0, 2.0, 4), Figure("basic", 2.0, 3.0, 4), Figure("fan", 3.0, 4.0, 4)]
-    assert hand_spans(figures) == (HandSpan(1.0, 2.0, "fist"), HandSpan(3.0, 4.0, "open"))

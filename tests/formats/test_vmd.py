@@ -9,9 +9,10 @@ import pytest
 from synthetic_motions import swaying
 
 import choreograph as cg
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.formats.register import load_motion, save_motion
-from choreograph.formats.vmd import on_hinges, read_vmd
+from choreograph.formats.vmd import VmdWriter, on_hinges, read_vmd
 from choreograph.formats.vmd_body import UNIT_M, hinged_thigh, standard_body
 from choreograph.formats.vmd_file import BoneKeys, curve_value, parse_vmd, vmd_bytes
 from choreograph.motion import rotations as rot
@@ -211,6 +212,33 @@ def test_the_file_is_as_models_expect(tmp_path):
     }
     assert "左足ＩＫ".encode("cp932") in content
     assert all(len(name.encode("cp932")) <= 15 for name in file.bones)
+
+
+def test_a_dance_has_fingers_in_the_shapes_of_its_figures_and_a_motion_has_none(tmp_path):
+    motion = swaying(240, fps=60.0)
+    save_motion(tmp_path / "a.vmd", motion)
+    plain = parse_vmd((tmp_path / "a.vmd").read_bytes()).bones
+    writer = VmdWriter()
+    writer.is_dance, writer.figures = True, [Figure("jack", 2.0, 3.0, 4)]
+    save_motion(tmp_path / "b.vmd", motion, writer=writer)
+    bones = parse_vmd((tmp_path / "b.vmd").read_bytes()).bones
+    fingers = {name for name in bones if "指" in name}
+    assert not any("指" in name for name in plain) and set(bones) == set(plain) | fingers
+    assert {"左親指0", "左人指1", "右中指2", "右薬指3", "左小指1"} < fingers and len(fingers) == 30
+    keys = bones["左人指1"]
+    # Keys where it begins and changes: half a second around 2 s and 3 s, at 30 fps.
+    assert keys.frames[0] == 0 and 20 < len(keys.frames) < 45
+    # About +Z of the file, which points to the back: a left hand, below the arm at +X, bends by -Z.
+    for frame, degrees in ((0, 18.0), (45, 18.0), (75, 80.0), (119, 18.0)):
+        turn = np.degrees(rot.to_rotvec(keys.sampled(np.array([float(frame)]))[1]))
+        np.testing.assert_allclose(turn, [[0.0, 0.0, -degrees]], atol=1e-3)
+    right = bones["右親指1"].sampled(np.array([75.0]))[1]
+    np.testing.assert_allclose(
+        bones["左親指1"].sampled(np.array([75.0]))[1], right * [1, 1, -1, -1], atol=1e-6
+    )
+    motion_again, notes = read_vmd(tmp_path / "b.vmd")
+    np.testing.assert_array_equal(motion_again.local_quat, read_vmd(tmp_path / "a.vmd")[0].local_quat)
+    assert len(notes) == 1
 
 
 def test_other_formats_take_a_vmd(tmp_path):

@@ -14,19 +14,21 @@ import pytest
 import soundfile
 from synthetic_motions import swaying
 
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.live.beat_clock import BeatClock
 from choreograph.live.osc import messages_of
 from choreograph.live.requests import Request
 from choreograph.live.stream_dance import AHEAD_S, Part, StreamBody, StreamDance, StreamTime, hear_all
-from choreograph.live.stream_parts import FPS, KEPT_S
+from choreograph.live.stream_parts import FPS, KEPT_S, PlannedPart
 from choreograph.live.vmc import VmcBody
 from choreograph.music.synthesis.song import render_song
 from choreograph.music.synthesis.sounds import RATE_HZ
 
 CLOCK = replace(BeatClock.steady(0.0, 0.0, 0.5, 1), metre=4)  # count 1 every 2 s
-BLOCK = np.zeros(SAMPLE_RATE_HZ // 10, np.float32)
+BLOCK_S = 0.1
+BLOCK = np.zeros(round(BLOCK_S * SAMPLE_RATE_HZ), np.float32)
 
 
 def part(motion, from_s=0.0, clock=None, **more):
@@ -41,7 +43,7 @@ class Stage:
     """A dance whose music is known, and whose parts take some time to plan."""
 
     def __init__(self, clock, takes_s=0.5):
-        self.clock, self.takes_s, self.asked, self.notes = clock, takes_s, [], []
+        self.clock, self.takes_s, self.asked, self.notes, self.figures = clock, takes_s, [], [], ()
         first = part(of_frames(300), rests=True)
         self.dance = StreamDance(self.listen, self.plan, StreamBody(first), self.notes.append)
         self.waiting = []
@@ -62,8 +64,26 @@ class Stage:
             for ready_s, future, request in self.waiting:
                 if self.dance.heard_s >= ready_s and not future.done():
                     n_frames = round(len(request.samples) / SAMPLE_RATE_HZ * FPS)
-                    future.set_result(of_frames(n_frames, seed=len(self.asked)))
+                    motion = of_frames(n_frames, seed=len(self.asked))
+                    future.set_result(PlannedPart(motion, self.figures))
             self.dance.hear(BLOCK)
+
+
+def test_fingers_go_on_from_part_to_part_in_the_shapes_of_the_figures():
+    """Each part has a stomp, from a second before the next part until that one begins, in kept motion."""
+    stage = Stage(CLOCK)
+    stage.figures = (Figure("stomp and turn", KEPT_S + 2.0, KEPT_S + 4.0, 4),)
+    before, most_rad, shapes = None, 0.0, set()
+    while stage.dance.heard_s < 20.0:
+        stage.run(stage.dance.heard_s + BLOCK_S)
+        body = stage.dance.body.at(stage.dance.heard_s)
+        quat = body.bone_quat[0, body.names.index("LeftIndexProximal")]
+        if before is not None:
+            most_rad = max(most_rad, 2.0 * np.arccos(min(1.0, abs(float(quat @ before)))))
+        before = quat
+        shapes.add(round(np.degrees(2.0 * np.arccos(abs(quat[3])))))
+    assert {18, 80} <= shapes  # relaxed, and a fist
+    assert stage.dance.n_parts > 3 and np.degrees(most_rad) < 62.0 * 2.2 * BLOCK_S / 0.5
 
 
 def test_nothing_is_planned_before_there_are_beats():

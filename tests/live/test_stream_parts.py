@@ -81,18 +81,20 @@ def test_a_part_leads_to_the_middle_of_the_stage_without_a_jump():
 @pytest.mark.slow
 def test_a_part_keeps_the_dance_before_it_and_goes_on_from_its_last_pose():
     planner = PartPlanner(starter_repertoire())
-    stands = planner.plan(standing(6.0))
+    stands = planner.plan(standing(6.0)).motion
     still = stands.sliced(0, 300)
     assert np.abs(np.diff(still.joint_pos_m(), axis=0)).max() < 0.01  # it breathes
     times_s = np.arange(0.0, 10.0, 0.5)
     counts = Counts(times_s, np.arange(len(times_s)) % 4 + 1, 4)
     request = PartRequest(clicks(counts, 10.5), counts, still, 8.0, "house", 0)
-    motion = planner.plan(request)
+    part = planner.plan(request)
+    motion = part.motion
+    assert part.figures and all(figure.end_s <= 10.6 for figure in part.figures)
     kept = round(KEPT_S * FPS)
     np.testing.assert_allclose(motion.root_pos_m[:kept], still.root_pos_m[:kept], atol=1e-5)
     assert motion.duration_s == pytest.approx(10.5)
     steps_m = np.abs(np.diff(motion.joint_pos_m(), axis=0)).max(axis=(1, 2))
     assert steps_m[kept - 2 : kept + 2].max() < 0.08 and steps_m[kept:].max() > 0.02  # it dances
     ending = PartRequest(clicks(counts, 10.0), counts, motion, 6.0, None, 0, rests=True)
-    rests = planner.plan(ending)
+    rests = planner.plan(ending).motion
     assert np.abs(np.diff(rests.joint_pos_m()[-120:], axis=0)).max() < 0.01

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from synthetic_motions import stepping, swaying
 
+from choreograph.core.counts import Figure
 from choreograph.live.osc import messages_of
 from choreograph.live.vmc import VmcBody
 from choreograph.motion import rotations as rot
@@ -25,18 +26,25 @@ PARENTS = {
     },
 }  # fmt: skip
 
+FINGERS = {
+    f"{side}{finger}{segment}": f"{side}{finger}{before}" if before else f"{side}Hand"
+    for side in ("Left", "Right")
+    for finger in ("Thumb", "Index", "Middle", "Ring", "Little")
+    for segment, before in (("Proximal", ""), ("Intermediate", "Proximal"), ("Distal", "Intermediate"))
+}
+
 
 def received(packet: bytes) -> tuple[dict[str, np.ndarray], list[str]]:
     """World positions of bones in Unity's axes, and the addresses."""
     messages = messages_of(packet)
     local = {m.arguments[0]: np.array(m.arguments[1:]) for m in messages if m.address == "/VMC/Ext/Bone/Pos"}
     pos_m, turned = {}, {}
-    for name in ["Hips", *PARENTS]:
+    for name in ["Hips", *PARENTS, *FINGERS]:
         position, quat = local[name][:3], local[name][[6, 3, 4, 5]]
         if name == "Hips":
             pos_m[name], turned[name] = position, quat
         else:
-            parent = PARENTS[name]
+            parent = (PARENTS | FINGERS)[name]
             pos_m[name] = pos_m[parent] + rot.rotate(turned[parent], position)
             turned[name] = rot.multiply(turned[parent], quat)
     return pos_m, [m.address for m in messages]
@@ -49,7 +57,8 @@ def test_a_packet_has_all_that_a_receiver_needs():
     assert messages[1].arguments == (pytest.approx(0.05),)
     assert messages[2].arguments == ("root", 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     assert [m.address for m in messages[:3]] == ["/VMC/Ext/OK", "/VMC/Ext/T", "/VMC/Ext/Root/Pos"]
-    assert {m.arguments[0] for m in messages[3:]} == {"Hips", *PARENTS}
+    assert {m.arguments[0] for m in messages[3:]} == {"Hips", *PARENTS, *FINGERS}
+    assert len(messages) == 3 + 22 + 30
     assert body.packet(3, 0.05).startswith(b"#bundle\0")
 
 
@@ -62,6 +71,38 @@ def test_a_receiver_sees_the_body_mirrored_into_unitys_axes(motion):
         for name, joint in (("Head", "head"), ("LeftHand", "left_wrist"), ("RightToes", "right_foot")):
             there = joints[frame, CANONICAL_JOINTS.index(joint)] * [-1.0, 1.0, 1.0]
             np.testing.assert_allclose(pos_m[name], there, atol=1e-4)
+
+
+def test_a_receiver_sees_hands_open_and_closed_in_figures_and_relaxed_elsewhere():
+    skeleton = canonical_skeleton()
+    still = Motion(
+        skeleton, np.tile(skeleton.offsets_m[0], (240, 1)), np.tile(rot.IDENTITY, (240, 24, 1)), 60.0
+    )
+    body = VmcBody.of(still, [Figure("jack", 1.0, 2.0, 4), Figure("fan", 2.0, 3.0, 4)])
+    reach_m, below_m = {}, {}
+    for shape, frame in (("relaxed", 10), ("fist", 90), ("open", 150)):
+        pos_m, _ = received(body.packet(frame, 0.0))
+        for side, out in (("Left", -1.0), ("Right", 1.0)):
+            first, last = pos_m[f"{side}IndexProximal"], pos_m[f"{side}IndexDistal"]
+            assert (
+                out * (first - pos_m[f"{side}Hand"])[0] > 0.08 and pos_m[f"{side}ThumbProximal"][2] > first[2]
+            )
+            reach_m[shape], below_m[shape] = np.linalg.norm(last - first), first[1] - last[1]
+        tips = [pos_m[f"{side}RingDistal"] for side in ("Left", "Right")]
+        np.testing.assert_allclose(tips[0] * [-1.0, 1.0, 1.0], tips[1], atol=1e-6)
+    assert reach_m["open"] > reach_m["relaxed"] > reach_m["fist"] + 0.01
+    assert below_m["fist"] > 0.03 and below_m["relaxed"] > 0.01 and abs(below_m["open"]) < 1e-6
+
+
+def test_fingers_change_smoothly_where_another_body_goes_on():
+    motion = swaying(120, fps=60.0)
+    fists = VmcBody.of(motion, [Figure("jack", 0.0, 9.0, 4)])
+    joined = fists.joined(VmcBody.of(motion), 60)
+    finger = joined.names.index("RightMiddleProximal")
+    steps = np.abs(np.diff(joined.bone_quat[:, finger], axis=0)).max(axis=1)
+    assert (steps[:59] == 0.0).all() and 0.0 < steps.max() < 0.05
+    np.testing.assert_array_equal(joined.bone_quat[95, finger], VmcBody.of(motion).bone_quat[95, finger])
+    np.testing.assert_array_equal(joined.bone_quat[60:, :22], VmcBody.of(motion).bone_quat[60:, :22])
 
 
 def test_left_is_at_minus_x_and_front_at_plus_z():

@@ -108,4 +108,8 @@ def test_a_pose_is_in_the_axes_of_vrm():
         np.array(pose["bones"]["hips"])[[3, 0, 1, 2]], motion.local_quat[12, 0], atol=1e-4
     )
     assert {"hips", "leftUpperLeg", "head"} <= set(pose["bones"]) and pose["frame"] == 12
-    assert len(json.dumps(pose)) < 4000
+    assert {f"left{bone}" for bone in ("ThumbMetacarpal", "ThumbProximal", "LittleDistal")} <= set(
+        pose["bones"]
+    )
+    assert not any("ThumbIntermediate" in name for name in pose["bones"])
+    assert len(json.dumps(pose)) < 5000
