@@ -152,4 +152,5 @@ def _between(near: Floats, far: Floats, share: float | Floats) -> Floats:
     """Rotations between two (..., 4), which are near each other."""
     far = np.where((near * far).sum(axis=-1, keepdims=True) < 0, -far, far)
     quat: Floats = near + share * (far - near)
-    return quat / np.linalg.norm(quat, axis=-1, keepdims=True)
+    quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+    return quat
