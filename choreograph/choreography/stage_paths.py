@@ -120,7 +120,7 @@ def plan_paths(
         wanted_m = formation_m + common_m[:, None]
         places_m = _nearly(wanted_m, at_knots_m)
         paths_m = crowd.paths_m(places_m)  # (N, T, 2)
-        conflicts, gap_m = crowd.conflicts(paths_m, margin_m)
+        conflicts = crowd.conflicts(paths_m, margin_m)
         if conflicts:
             layout.resolve(conflicts, symmetric=symmetric, wider=done >= _PUSHING_PASSES)
             continue
@@ -130,6 +130,7 @@ def plan_paths(
         layout.aside_m[..., 0] += hidden * _ASIDE_M
     scale = layout.scale
     in_metres = np.array([knot.in_metres for knot in knots])
+    gap_m = crowd.least_gap_m(paths_m)
     return StagePaths(places_m, wanted_m, gap_m, float(np.max(scale[in_metres], initial=1.0)))
 
 
@@ -258,6 +259,7 @@ class _Crowd:
     knot_rows: np.ndarray  # (K,) index of a row at each knot
     ground_m: Floats  # (N, T, 2) of the roots, without any way
     reach_m: Floats  # (N, T, J, 2) of the joints from the root
+    farthest_m: Floats  # (N, T) from the root, of the body in any direction
     radii_m: Floats  # (J,)
 
     @classmethod
@@ -267,17 +269,19 @@ class _Crowd:
         step = max(1, round(first.fps / _PLAN_FPS))
         at_knots = np.clip(np.round(times_s * first.fps).astype(np.int64), 0, first.n_frames - 1)
         rows = np.union1d(np.arange(0, first.n_frames, step), at_knots)
-        known: dict[int, tuple[Floats, Floats]] = {}
+        known: dict[int, tuple[Floats, Floats, Floats]] = {}
+        radii_m = _radii_m()
         for body in bodies:
             if id(body) not in known:
                 ground = body.motion.root_pos_m[rows][:, [0, 2]]
                 joints = body_pos_m(_frames(body.motion, rows))[..., [0, 2]] - ground[:, None]
-                known[id(body)] = ground, joints
-        both = [known[id(body)] for body in bodies]
-        return cls(
-            bodies, times_s, rows, np.searchsorted(rows, at_knots), np.array([one[0] for one in both]),
-            np.array([one[1] for one in both]), _radii_m(),
-        )  # fmt: skip
+                farthest = (np.linalg.norm(joints, axis=-1) + radii_m).max(axis=1)
+                known[id(body)] = ground, joints, farthest
+        ground_m, reach_m, farthest_m = (
+            np.array([known[id(body)][index] for body in bodies]) for index in range(3)
+        )
+        at_rows = np.searchsorted(rows, at_knots)
+        return cls(bodies, times_s, rows, at_rows, ground_m, reach_m, farthest_m, radii_m)
 
     def paths_m(self, places_m: Floats) -> Floats:
         """The roots on the ground (N, T, 2) for places (K, N, 2)."""
@@ -289,25 +293,39 @@ class _Crowd:
             ]
         )
 
-    def conflicts(self, paths_m: Floats, margin_m: float) -> tuple[list[_Conflict], float]:
-        """Where two bodies are nearest in each span between knots, if too near, and the least gap in metres.
+    def conflicts(self, paths_m: Floats, margin_m: float) -> list[_Conflict]:
+        """Where two bodies are nearest in each span between knots, if they are too near.
 
         The gap is measured along the line between the roots, which bounds the true one from below.
         """
-        found, least_m = [], np.inf
+        found, near_m = [], LEAST_GAP_M + margin_m
         span = np.searchsorted(self.knot_rows, np.arange(len(self.rows)), side="left")
         span = span.clip(0, len(self.times_s) - 1)
         for one, other in combinations(range(len(paths_m)), 2):
             apart = paths_m[other] - paths_m[one]  # (T, 2)
-            towards = apart / np.maximum(np.linalg.norm(apart, axis=-1), 1e-9)[:, None]
-            gap = _gaps_m(apart, self.reach_m[one], self.reach_m[other], self.radii_m)
-            least_m = min(least_m, float(gap.min()))
-            short = np.flatnonzero(gap < LEAST_GAP_M + margin_m)
-            for knot in np.unique(span[short]).tolist():
-                worst = short[span[short] == knot]
-                row = int(worst[np.argmin(gap[worst])])
-                found.append(_Conflict(one, other, knot, towards[row]))
-        return found, least_m
+            distance = np.linalg.norm(apart, axis=-1)
+            rows = np.flatnonzero(distance < near_m + self.farthest_m[one] + self.farthest_m[other])
+            if not len(rows):
+                continue
+            gap = _gaps_m(apart[rows], self.reach_m[one, rows], self.reach_m[other, rows], self.radii_m)
+            short = gap < near_m
+            rows, gap = rows[short], gap[short]
+            for knot in np.unique(span[rows]).tolist():
+                here = np.flatnonzero(span[rows] == knot)
+                row = int(rows[here[np.argmin(gap[here])]])
+                found.append(_Conflict(one, other, knot, apart[row] / max(float(distance[row]), 1e-9)))
+        return found
+
+    def least_gap_m(self, paths_m: Floats) -> float:
+        """The least gap of any two bodies in metres, measured as that of `conflicts`."""
+        return min(
+            float(
+                _gaps_m(
+                    paths_m[other] - paths_m[one], self.reach_m[one], self.reach_m[other], self.radii_m
+                ).min()
+            )
+            for one, other in combinations(range(len(paths_m)), 2)
+        )
 
     def hidden(self, paths_m: Floats, formation_m: Floats, most_s: float) -> Floats:
         """The direction, -1, 0 or 1, in which each dancer steps aside at each knot (K, N)."""
