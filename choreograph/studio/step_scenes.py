@@ -27,7 +27,7 @@ from choreograph.studio.facts import motion_data, other_motion_data
 from choreograph.studio.project import Project, Step
 from choreograph.studio.settings import Settings
 
-_SCENE_BYTES_PER_S = 800_000  # of scenes, two or three of four dancers
+_SCENE_BYTES_PER_S = 1_000_000  # of scenes, two of eight dancers
 
 
 @dataclass(frozen=True, eq=False)
