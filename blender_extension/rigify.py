@@ -29,6 +29,7 @@ _SETTINGS = {
 }  # fmt: skip
 _OF_LIMBS = "FK_limb_follow"  # tentacles have IK_FK as well, but not this
 _SAME_PLACE, _SAME_TURN_RAD = 1e-3, 0.01
+_LEAST_TURN_RAD = 1e-4  # a control without a larger rotation has no keys of it
 _SHORTEST_M = 1e-4  # a control without a farther displacement has no keys of its location
 
 
@@ -89,7 +90,7 @@ def _path(part: str, above: dict[str, str]) -> list[str]:
 
 
 def control_keys(armature: bpy.types.Object, skeleton: Skeleton, tracks: Tracks) -> list[PoseKeys]:
-    """The keys of the FK controls for a dance of the ORG bones.
+    """The keys of the FK controls that a dance of the ORG bones moves.
 
     Raises `DanceError` if a bone of the dance has no FK control, or the torso cannot be moved.
     """
@@ -106,10 +107,11 @@ def control_keys(armature: bpy.types.Object, skeleton: Skeleton, tracks: Tracks)
     pivot = next((name for name in controls if _carrier(bones[name], carried) == _TORSO), None)
     if pivot is not None:
         carried[_TORSO] = _about(moves[hips], rests[pivot][:3, 3], carried[pivot])
-    return [
+    keys = [
         _keys(bones[name], rests[name], carried[name], carried, skeleton.unit_m)
         for name in (_TORSO, *controls)
     ]
+    return [each for each in keys if each.places is not None or not _rests(each.quats)]
 
 
 def _controls(armature: bpy.types.Object, skeleton: Skeleton, tracks: Tracks) -> dict[str, int]:
@@ -203,6 +205,11 @@ def _keys(
         return PoseKeys(control.name, _continuous(quats), None)
     check_free(control)
     return PoseKeys(control.name, _continuous(quats), moved_m / unit_m)
+
+
+def _rests(quats: Floats) -> bool:
+    """Whether rotations (T, 4) are none in all frames, as of controls of a face."""
+    return bool(np.abs(quats[:, 0]).min() > np.cos(_LEAST_TURN_RAD / 2))
 
 
 def _continuous(quats: Floats) -> Floats:

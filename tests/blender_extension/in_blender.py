@@ -36,6 +36,11 @@ def main() -> None:
     settings.armature, settings.duration_s, settings.start_s = armature, 8.0, 1.5
     seen = after_an_error(scene, armature, job["wrong_song"]) if job["is_whole"] else {}
     settings.song = job["song"]
+    if job["rig"] == "generated":
+        name = armature.name  # undoing makes other objects
+        seen["undone"] = undone(name)
+        scene, armature = bpy.context.scene, bpy.data.objects[name]
+        settings = scene.choreograph
     bpy.ops.choreograph.dance()
     seen["danced"] = state(scene, armature) | {"joints_m": joints_m(scene, armature)}
     if job["rig"] == "generated":
@@ -109,6 +114,26 @@ def generated(path: str) -> bpy.types.Object:
     return rig
 
 
+def undone(name: str) -> list[dict]:
+    """What there was before a dance on a rig, with it, and after one step back."""
+    found = []
+
+    def look() -> None:
+        rig = bpy.data.objects[name]
+        ik_fk = [rig.pose.bones[limb]["IK_FK"] for limb in LIMBS]
+        place = [*rig.pose.bones["torso"].location]
+        found.append(state(bpy.context.scene, rig) | {"ik_fk": ik_fk, "torso": place})
+
+    bpy.ops.ed.undo_push(message="before")
+    look()
+    bpy.ops.choreograph.dance("EXEC_DEFAULT", True)
+    bpy.context.scene.frame_set(60)
+    look()
+    bpy.ops.ed.undo()
+    look()
+    return found
+
+
 def with_root_moved(scene: bpy.types.Scene, rig: bpy.types.Object) -> dict:
     """Heads of the deforming bones in the middle of the dance, before and after a move of the root."""
     scene.frame_set(FRAMES_OF_DANCE // 2)
@@ -120,10 +145,12 @@ def with_root_moved(scene: bpy.types.Scene, rig: bpy.types.Object) -> dict:
     bpy.context.view_layer.update()
     found = [[*bone.head] for bone in deforming]
     root.matrix_basis.identity()
+    keyed = rig.animation_data.action.layers[0].strips[0].channelbags[0].groups.keys()
     return {
         "expected": expected, "found": found,
         "ik_fk": [rig["IK_FK before"].to_list(), [rig.pose.bones[name]["IK_FK"] for name in LIMBS]],
-        "keyed": sorted({*rig.animation_data.action.layers[0].strips[0].channelbags[0].groups.keys()}),
+        "keyed": sorted(keyed),
+        "held": [name for name in keyed if len(rig.pose.bones[name].constraints)],
     }  # fmt: skip
 
 

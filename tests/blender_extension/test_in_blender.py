@@ -164,8 +164,16 @@ def test_a_generated_rig_is_switched_to_fk_by_the_action_and_moved_whole_by_its_
         "hand_fk.R",
         "toe_fk.L",
     } <= set(found["keyed"])
-    assert not {"root", "hips", "chest", "hand_ik.L", "foot_ik.R"} & set(found["keyed"])
+    assert not {"root", "hips", "chest", "hand_ik.L", "foot_ik.R", "brow.B.L", "jaw"} & set(found["keyed"])
+    assert not found["held"] and 50 < len(found["keyed"]) < 70
     np.testing.assert_allclose(found["found"], found["expected"], atol=1e-4)
+
+
+@with_a_generated_rig
+def test_a_dance_on_a_generated_rig_is_undone_in_one_step(seen):
+    before, danced, after = seen[0]["undone"]
+    assert after == before and before["action"] == "mine" and before["ik_fk"] == [0.0] * 4
+    assert danced["action"] == "house" and danced["ik_fk"] == [1.0] * 4 and danced["torso"] != before["torso"]
 
 
 @with_bones_of_the_file
