@@ -58,7 +58,8 @@ def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
     layer = random_source(0)[0].layer(4)
     reached = np.full(layer.n_nodes, np.inf)
     reached[[1, 3, 6, 7]] = 4.0, 1.0, 2.0, 3.0
-    few, cost = cheapest(layer, np.arange(layer.n_nodes, dtype=float), reached)
+    found = cheapest(reached)
+    few, cost = layer.subset(found), np.arange(layer.n_nodes, dtype=float)[found]
     assert cost.tolist() == [3.0, 6.0, 7.0]
     one = layer.subset(np.array([1]))
     key = one.segment[0], one.offset[0]

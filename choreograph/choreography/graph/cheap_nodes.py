@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs
+from choreograph.choreography.graph.cost import F32, WeightedCost, allowed_nodes, edge_costs
 from choreograph.choreography.graph.costs import last_pose
 from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, repeated
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
@@ -47,18 +48,43 @@ class CheapSoFar:
         self._nodes: list[_Nodes] = []
         # Those of a long dance are on disk: 0.24 GB for an hour.
         self._edge_cost = StoredArrays(in_memory=source.n_seconds <= _MOST_WHOLE_S)
-        self._last: Layer | None = None  # with its poses
+        self._coming: Future[F32] | None = None  # which are being evaluated
+        self._last: tuple[Layer, NDArray[np.int64]] | None = None  # with its poses, and its nodes' indices
 
-    def add(self, layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]) -> None:
-        """Keep the cheapest nodes of the next second: see `cheapest`."""
-        nodes, cost = cheapest(layer, node_cost, reached)
+    def add(
+        self,
+        layer: Layer,
+        node_cost: NDArray[np.float64],
+        reached: NDArray[np.float64],
+        fixed: Callable[[NDArray[np.int64], NDArray[np.int64]], Future[F32] | None] = lambda *_: None,
+    ) -> None:
+        """Keep the cheapest nodes of the next second: see `cheapest`.
+
+        `fixed` begins to evaluate the costs (P, N) of edges that do not depend on the path, from nodes (P,)
+        of the second before to nodes (N,) of this one, if it can.
+        """
+        found = cheapest(reached)
+        nodes = layer.subset(found)
         if self._last is not None:
-            self._edge_cost.append(edge_costs(self._last, nodes, self._fixed, self._song_features))
-        self._last = nodes
-        self._nodes.append((nodes if self._has_poses else _without_poses(nodes, self._song_features), cost))
+            last, rows = self._last
+            coming = fixed(rows, found)
+            self._keep_edges()
+            self._coming = coming
+            if coming is None:
+                self._edge_cost.append(edge_costs(last, nodes, self._fixed, self._song_features))
+        self._last = nodes, found
+        kept = nodes if self._has_poses else _without_poses(nodes, self._song_features)
+        self._nodes.append((kept, node_cost[found]))
+
+    def _keep_edges(self) -> None:
+        """Keep the costs that are being evaluated, if there are any."""
+        if self._coming is not None:
+            self._edge_cost.append(self._coming.result())
+            self._coming = None
 
     def improved(self, keys: Sequence[int]) -> list[Layer]:
         """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second."""
+        self._keep_edges()
         path = [self._include(second, key) for second, key in enumerate(keys)]
         return_memory(self._source.n_seconds)
         cheap = CheapNodes.of(self._nodes, self._costs, self._song_features, self._edge_cost)
@@ -107,13 +133,10 @@ def _nothing(values: NDArray[Any]) -> NDArray[Any]:
     return repeated(np.zeros((), values.dtype), len(values))
 
 
-def cheapest(
-    layer: Layer, node_cost: NDArray[np.float64], reached: NDArray[np.float64]
-) -> tuple[Layer, NDArray[np.float64]]:
-    """The `N_CHEAP` nodes of a layer that are reached (N,) at the least cost, and their node costs."""
+def cheapest(reached: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The indices, in order, of the `N_CHEAP` nodes that are reached (N,) at the least cost."""
     nodes = np.sort(np.argsort(reached, kind="stable")[:N_CHEAP])
-    nodes = nodes[np.isfinite(reached[nodes])]
-    return layer.subset(nodes), node_cost[nodes]
+    return nodes[np.isfinite(reached[nodes])]
 
 
 def including(

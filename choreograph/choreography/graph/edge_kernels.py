@@ -58,15 +58,21 @@ def angles_of(turn_rad: Any, end_rad: Any, start_rad: Any) -> tuple[Any, ...]:  
 
 
 _AT_BORDER = "float32[::1], float32[::1], float32[::1], float64[::1], float32[::1], int64[::1]"
+_BEFORE = (
+    "Tuple((float64[::1], float64[::1], float64[::1], float64[::1], int64[::1], float32[:,::1], "
+    f"float64[:,::1], int16[:,::1], {_AT_BORDER}, int64[::1]))"
+)
+_NODES = (
+    "Tuple((float32[::1], float32[::1], int64[::1], int64[::1], float64[:,::1], float64[:,::1], "
+    f"int16[:,::1], int64[:,::1], float64[::1], float32[::1], {_AT_BORDER}))"
+)
+_OF_COSTS = "Tuple((bool_[::1], float32[::1], float32[:,::1], float32[:,::1], float64[::1]))"
+_SCALE, _HALF = np.float32(1.0 / len(BODY_JOINTS)), np.float32(0.5)
 
 
 @njit(
     "Tuple((int32[::1], float32[::1]))(int64[::1], int64[::1], bool_, float32[::1], float32[::1], "
-    "float32[:,::1], float32[:,::1], float32[::1], Tuple((float64[::1], float64[::1], float64[::1], "
-    f"float64[::1], int64[::1], float32[:,::1], float64[:,::1], int16[:,::1], {_AT_BORDER}, int64[::1])), "
-    "Tuple((float32[::1], float32[::1], int64[::1], int64[::1], float64[:,::1], float64[:,::1], "
-    f"int16[:,::1], int64[:,::1], float64[::1], float32[::1], {_AT_BORDER})), "
-    "Tuple((bool_[::1], float32[::1], float32[:,::1], float32[:,::1], float64[::1])))",
+    f"float32[:,::1], float32[:,::1], float32[::1], {_BEFORE}, {_NODES}, {_OF_COSTS})",
     nogil=True,
 )
 def cheapest_edges(
@@ -92,7 +98,7 @@ def cheapest_edges(
         first_velocity_sq, first_speed, start, enter, first_words,
     ) = nodes  # fmt: skip
     is_return, form_weight, step_cost, transition_cost, constants = of_costs
-    scale, half, steer = np.float32(1.0 / len(BODY_JOINTS)), np.float32(0.5), (constants[2], constants[3])
+    steer = constants[2], constants[3]
     has_usage = weights[5] != 0.0 and usage_s.shape[1] > 0
     rows, edges = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
     for r in range(len(block)):
@@ -103,14 +109,14 @@ def cheapest_edges(
             continues = next_part[i] == starts_part[j]
             total = weights[0] * (stay[j] if continues else np.float32(1.0))
             if weights[1] != 0.0:
-                total += weights[1] * distance_from_product(poses[r, k], last_sq[i], first_sq[j], scale)
+                total += weights[1] * distance_from_product(poses[r, k], last_sq[i], first_sq[j], _SCALE)
             if weights[2] != 0.0:
                 change = distance_from_product(
-                    velocities[r, k], last_velocity_sq[i], first_velocity_sq[j], scale
+                    velocities[r, k], last_velocity_sq[i], first_velocity_sq[j], _SCALE
                 )
-                total += weights[2] * (change / (half * (last_speed[i] + first_speed[j]) + _STILL))
+                total += weights[2] * (change / (_HALF * (last_speed[i] + first_speed[j]) + _STILL))
             if weights[3] != 0.0 and not continues:
-                total += weights[3] * (half * (leave[i] + enter[j]))
+                total += weights[3] * (_HALF * (leave[i] + enter[j]))
             if np.float64(beyond[r] + total) + bound[j] > most[c]:
                 continue
             if weights[4] != 0.0:
@@ -133,3 +139,56 @@ def cheapest_edges(
                 most[c] = beyond[r] + total
                 rows[c], edges[c] = r, total
     return rows, edges
+
+
+@njit(
+    "float32[:,::1](int64[::1], int64[::1], float32[:,::1], float32[:,::1], float32[::1], "
+    f"{_BEFORE}, {_NODES}, {_OF_COSTS})",
+    nogil=True,
+)
+def fixed_edges(
+    here: AnyInts, there: AnyInts, poses: F32, velocities: F32, weights: F32, before: Any, nodes: Any,
+    of_costs: Any,
+) -> F32:  # fmt: skip  # pragma: no cover - compiled
+    """The costs (P, N) of the edges from nodes `here` to nodes `there` that do not depend on the path.
+
+    `poses` and `velocities` (P, N) are products of those of both nodes. The terms are added as by
+    `edge_costs`.
+    """
+    _, _, _, _, next_part, _, _, _, last_sq, last_velocity_sq, last_speed, end, leave, last_words, last_take = (
+        before
+    )
+    (
+        _, _, starts_part, take, _, _, _, _, _, stay, first_sq, first_velocity_sq, first_speed, start, enter,
+        first_words,
+    ) = nodes  # fmt: skip
+    transition_cost, n_b = of_costs[3], len(there)
+    starts_part, take, stay, start = starts_part[there], take[there], stay[there], start[there]
+    first_sq, first_velocity_sq, first_words = first_sq[there], first_velocity_sq[there], first_words[there]
+    first_speed, enter = first_speed[there], enter[there]
+    edges = np.empty((len(here), n_b), np.float32)
+    for r in range(len(here)):
+        i = here[r]
+        part, last, speed, out, ends = next_part[i], last_sq[i], last_speed[i], leave[i], end[i]
+        last_velocity, from_take = last_velocity_sq[i], last_take[i]
+        # Several edges are evaluated by one instruction, since these loops have no branches.
+        for c in range(n_b):
+            edges[r, c] = weights[0] * (stay[c] if part == starts_part[c] else np.float32(1.0))
+        if weights[1] != 0.0:
+            for c in range(n_b):
+                edges[r, c] += weights[1] * distance_from_product(poses[r, c], last, first_sq[c], _SCALE)
+        if weights[2] != 0.0:
+            for c in range(n_b):
+                change = distance_from_product(velocities[r, c], last_velocity, first_velocity_sq[c], _SCALE)
+                edges[r, c] += weights[2] * (change / (_HALF * (speed + first_speed[c]) + _STILL))
+        if weights[3] != 0.0:
+            for c in range(n_b):
+                jump = weights[3] * (_HALF * (out + enter[c]))
+                edges[r, c] += np.float32(0.0) if part == starts_part[c] else jump
+        for c in range(n_b):
+            overlaps = (from_take == take[c]) & (OVERLAP_FRAMES < ends - start[c] < CLIP_FRAMES)
+            edges[r, c] += weights[6] if overlaps else np.float32(0.0)
+        if weights[9] != 0.0:
+            for c in range(n_b):
+                edges[r, c] += weights[9] * transition_cost[last_words[i], first_words[c]]
+    return edges

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
@@ -27,7 +27,13 @@ from choreograph.choreography.graph.costs import (
     Variety,
     Velocity,
 )
-from choreograph.choreography.graph.edge_kernels import F32, angles_of, cheapest_edges, cheapest_predecessors
+from choreograph.choreography.graph.edge_kernels import (
+    F32,
+    angles_of,
+    cheapest_edges,
+    cheapest_predecessors,
+    fixed_edges,
+)
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import (
     MOTIF_COSTS,
@@ -62,7 +68,7 @@ class Steps:
         self._thread_safe = set(kinds) <= {*BUILTIN_COSTS, *MOTIF_COSTS, FormCost, Stage}
         self._compiled = set(kinds) <= set(_ORDER) and kinds == [kind for kind in _ORDER if kind in kinds]
         self._of = {type(w.cost): w for w in self._with_edges}
-        self._nodes: _Nodes | None = None  # the latest
+        self._edges: _Edges | None = None  # the latest
 
     def __call__(self, layer: Layer, following: Layer, reached: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
@@ -72,7 +78,7 @@ class Steps:
         bound of a jump exceeds the best path found into a node cannot improve it. Such rows and columns of
         the edges are not evaluated. The result is that of all edges.
         """
-        edges = self._edges(layer, following)
+        edges = self._edges = self._edges_to(layer, following)
         best, parent = np.full(following.n_nodes, np.inf), np.zeros(following.n_nodes, np.int64)
         here, there = edges.successors
         best[there] = reached[here] + edges.of_pairs(here, there)
@@ -107,24 +113,28 @@ class Steps:
                 improve(improvable)
         return best, parent
 
-    def from_one(self, last: Layer, following: Layer) -> F32:
-        """The costs (N,) of the edges from a layer of one node to the nodes of `following`."""
-        every = np.arange(following.n_nodes)
-        edges = self._edges(last, following)
-        nothing, most = np.zeros(1, np.float32), np.full(len(every), np.inf)
-        return edges.cheapest(np.zeros(1, np.int64), every, nothing, most)[1]
+    def from_one(self, last: Layer, node: int) -> F32:
+        """The costs (N,) of the edges of the latest step from one node, whose history is that of `last`."""
+        assert self._edges is not None
+        return self._edges.from_one(last, node)
 
-    def _edges(self, layer: Layer, following: Layer) -> _Edges:
+    def fixed(self, here: AnyInts, there: AnyInts) -> Future[F32] | None:
+        """The costs (P, N) of the edges of the latest step that do not depend on the path, being evaluated.
+
+        Those from nodes `here` (P,) to nodes `there` (N,), or None if they are not compiled.
+        """
+        if not isinstance(self._edges, _CompiledEdges):
+            return None
+        return self._pool.submit(self._edges.fixed, here, there)
+
+    def _edges_to(self, layer: Layer, following: Layer) -> _Edges:
         if not self._compiled:
             return _Edges(layer, following, self._costs, self._song_features)
-        before, after = self._nodes_of(layer), self._nodes_of(following)
-        self._nodes = after
+        last = self._edges.after if isinstance(self._edges, _CompiledEdges) else None
+        is_known = last is not None and last.is_of(layer)
+        before = last if is_known and last is not None else _Nodes(layer, self._of, self._song_features)
+        after = _Nodes(following, self._of, self._song_features)
         return _CompiledEdges(layer, following, self._costs, self._song_features, before, after)
-
-    def _nodes_of(self, layer: Layer) -> _Nodes:
-        if self._nodes is not None and self._nodes.is_of(layer):
-            return self._nodes
-        return _Nodes(layer, self._of, self._song_features)
 
 
 class _Edges:
@@ -149,6 +159,11 @@ class _Edges:
             edges = edge_costs(before.subset(block), after.subset(block), self._costs, self._song_features)
             found[block] = np.diagonal(edges)
         return found
+
+    def from_one(self, last: Layer, node: int) -> F32:
+        """The costs (N,) of the edges from one node, whose history is that of the layer `last` of it."""
+        edges: F32 = edge_costs(last, self._following, self._costs, self._song_features)[0]
+        return edges
 
     def bound(self, costs: Sequence[WeightedCost]) -> Floats:
         """Lower bounds (N,) of the edges between segments into each node."""
@@ -238,7 +253,7 @@ class _CompiledEdges(_Edges):
         after: _Nodes,
     ) -> None:
         super().__init__(layer, following, costs, song_features)
-        self._before, self._after = before, after
+        self._before, self.after = before, after
         counts = np.ascontiguousarray(layer.motif_counts)
         seen = np.zeros_like(counts) if following.new_goal else counts
         weights = after.weights
@@ -249,24 +264,52 @@ class _CompiledEdges(_Edges):
         here, there = self.successors
         self._stay[there] = Completeness().staying(layer, following, here, there)
         usage_s = np.ascontiguousarray(layer.take_usage_s)
-        self._arguments = (
-            weights, (*angles[:4], before.next_part, usage_s, danced, seen, *before.at_end, before.take),
-            (
-                *angles[4:], after.part, after.take, after.series, after.places, after.motifs, repeats,
-                self._least, self._stay, *after.at_start,
-            ),
-            (after.is_return, after.form_weight, after.step_cost, after.transition_cost, after.constants),
+        self._history = (*angles[:4], before.next_part, usage_s, danced, seen, *before.at_end, before.take)
+        self._ends = (
+            *angles[4:], after.part, after.take, after.series, after.places, after.motifs, repeats,
+            self._least, self._stay, *after.at_start,
         )  # fmt: skip
+        self._of_costs = (
+            after.is_return, after.form_weight, after.step_cost, after.transition_cost, after.constants
+        )  # fmt: skip
+        self._arguments = weights, self._history, self._ends, self._of_costs
 
     def of_pairs(self, here: AnyInts, there: AnyInts) -> F32:
-        poses = np.einsum("md,md->m", self._before.last[here], self._after.first[there])
+        poses = np.einsum("md,md->m", self._before.last[here], self.after.first[there])
         velocities = np.einsum(
-            "md,md->m", self._before.last_velocity[here], self._after.first_velocity[there]
+            "md,md->m", self._before.last_velocity[here], self.after.first_velocity[there]
         )
         nothing, most = np.zeros(len(here), np.float32), np.full(len(here), np.inf, np.float32)
         _, edges = cheapest_edges(
             here, there, True, nothing, most, poses[:, None], velocities[:, None], *self._arguments
         )
+        return edges
+
+    def from_one(self, last: Layer, node: int) -> F32:
+        before, after, one = self._before, self.after, slice(node, node + 1)
+        counts = np.ascontiguousarray(last.motif_counts)
+        history = (
+            *angles_of(np.ascontiguousarray(last.turn_rad), before.end_rad[one], after.start_rad[:0])[:4],
+            before.next_part[one], np.ascontiguousarray(last.take_usage_s),
+            np.ascontiguousarray(last.danced[:, after.number]),
+            np.zeros_like(counts) if self._following.new_goal else counts,
+            *(values[one] for values in before.at_end), before.take[one],
+        )  # fmt: skip
+        every, nothing = np.arange(self._following.n_nodes), np.zeros(1, np.float32)
+        poses = before.last[one] @ after.first.T
+        velocities = before.last_velocity[one] @ after.first_velocity.T
+        _, edges = cheapest_edges(
+            np.zeros(1, np.int64), every, False, nothing, np.full(len(every), np.inf, np.float32), poses,
+            velocities, after.weights, history, self._ends, self._of_costs,
+        )  # fmt: skip
+        return edges
+
+    def fixed(self, here: AnyInts, there: AnyInts) -> F32:
+        """The costs (P, N) of the edges from nodes `here` to nodes `there` that do not depend on the path."""
+        before, after = self._before, self.after
+        poses = before.last[here] @ after.first[there].T
+        velocities = before.last_velocity[here] @ after.first_velocity[there].T
+        edges: F32 = fixed_edges(here, there, poses, velocities, *self._arguments)
         return edges
 
     def bound(self, costs: Sequence[WeightedCost]) -> Floats:
@@ -278,8 +321,8 @@ class _CompiledEdges(_Edges):
     ) -> tuple[NDArray[np.int32], F32]:
         every = len(part) == self._following.n_nodes
         there = slice(None) if every else part
-        poses = self._before.last[block] @ self._after.first[there].T
-        velocities = self._before.last_velocity[block] @ self._after.first_velocity[there].T
+        poses = self._before.last[block] @ self.after.first[there].T
+        velocities = self._before.last_velocity[block] @ self.after.first_velocity[there].T
         rows, edges = cheapest_edges(
             block, part, False, beyond, (most + _ROUNDING).astype(np.float32), poses, velocities,
             *self._arguments,

@@ -103,7 +103,7 @@ def _search(
             # Nodes that cannot be reached keep their place, with infinite cost, so that indices agree.
             reached = best + node_cost
             if cheap is not None:
-                cheap.add(following, node_cost, reached)
+                cheap.add(following, node_cost, reached, step.fixed)
             layer = with_history(following, layer, parent)
             node_keys.append(_node_keys(layer))
             parents.append(parent.astype(np.int32))
@@ -134,14 +134,15 @@ def plan_greedy(
     Raises as `plan_exact`. It can also run into a dead end that `plan_exact` avoids.
     """
 
-    def edges(last: Layer, layer: Layer) -> NDArray[np.float32]:
-        from_last: NDArray[np.float32] = edge_costs(last, layer, costs, song_features)[0]
-        return from_last
-
     path = _GreedyPath(*allowed_nodes(source.layer(0), costs, song_features))
     for second in range(1, source.n_seconds):
-        layer = source.layer(second)
-        if not path.extend(*allowed_nodes(layer, costs, song_features), edges):
+        layer, node_cost = allowed_nodes(source.layer(second), costs, song_features)
+
+        def edges(last: Layer, _: int, layer: Layer = layer) -> NDArray[np.float32]:
+            from_last: NDArray[np.float32] = edge_costs(last, layer, costs, song_features)[0]
+            return from_last
+
+        if not path.extend(layer, node_cost, edges):
             raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
         if report is not None:
             report(second + 1, source.n_seconds)
@@ -161,13 +162,14 @@ class _GreedyPath:
         self,
         layer: Layer,
         node_cost: NDArray[np.float64],
-        edges: Callable[[Layer, Layer], NDArray[np.float32]],
+        edges: Callable[[Layer, int], NDArray[np.float32]],
     ) -> bool:
         """Append the cheapest node of `layer`. Return False if no edge into it is allowed.
 
-        `edges` gives the costs (N,) of going from a layer of one node to the nodes of another layer.
+        `edges` gives the costs (N,) of going to its nodes from a layer of the last node alone, which has this
+        index in the layer before.
         """
-        total = node_cost + edges(self._last, layer)
+        total = node_cost + edges(self._last, self._node)
         best = int(np.argmin(total))
         if not np.isfinite(total[best]):
             return False
@@ -176,7 +178,7 @@ class _GreedyPath:
         return True
 
     def _append(self, layer: Layer, node: int, before: Layer) -> None:
-        self._last = with_history(layer.subset(np.array([node])), before)
+        self._last, self._node = with_history(layer.subset(np.array([node])), before), node
         self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
 
 
