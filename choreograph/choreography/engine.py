@@ -6,8 +6,8 @@ the group `choreograph.engines`, under the engine's name.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, fields, replace
 from pkgutil import resolve_name
 from typing import Any, Protocol
 
@@ -55,6 +55,7 @@ class DanceRequest:
     kept: KeptDance | None = None  # its kept parts replace what is planned there
     report: ProgressReport | None = None  # of the progress
     memory: Memory = NO_MEMORY  # of values for this repertoire
+    costs_later: bool = False  # whether the costs of seconds may be missing from the plan: `EngineResult`
 
     @property
     def danced_span_s(self) -> tuple[float, float]:
@@ -132,6 +133,15 @@ class EngineResult:
     notes: tuple[str, ...] = ()  # one line each
     motion: Motion | None = None  # the rendered plan, if the engine rendered it
     unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each
+    costs_of: Callable[[], list[dict[str, float]]] | None = None  # of the seconds, if `plan` lacks them
+
+    def with_costs(self) -> EngineResult:
+        """The result with the costs of all seconds in its plan. They explain the dance."""
+        if self.costs_of is None:
+            return self
+        found = zip(self.plan.seconds, self.costs_of(), strict=True)
+        seconds = tuple(replace(second, costs=costs) for second, costs in found)
+        return replace(self, plan=replace(self.plan, seconds=seconds), costs_of=None)
 
 
 class Engine(Protocol):

@@ -365,8 +365,9 @@ def _danced(
     if kept is not None and kept.plan is not None and "candidates" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
     request = DanceRequest(
-        song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory
-    )
+        song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory,
+        costs_later=first is not None,
+    )  # fmt: skip
     if kept is None:
         result = engine.plan(request)
         return_memory(song_features.duration_s)
@@ -376,6 +377,7 @@ def _danced(
                 repertoire.forget_rows()  # of clips, which have 70 MB
             rendering = substage(report, "rendering")
             motion = render_planned(result.plan, repertoire, memory, report=rendering, first=first)
+        result = result.with_costs()
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)

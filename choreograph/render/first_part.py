@@ -37,6 +37,13 @@ class FirstPart:
         n_needed = next(later, len(runs)) + 1
         return runs[:n_needed] if n_needed <= len(runs) / 2 else ()
 
+    def show_rendered(self, motion: Motion) -> None:
+        """Tell of the part of a dance that is rendered already."""
+        first = seconds_to_frames(self.start_s, motion.fps)
+        stop = min(motion.n_frames, seconds_to_frames(self.end_s, motion.fps))
+        if first < stop:
+            self.tell(copied(motion.sliced(first, stop)), first / motion.fps)
+
     def show(
         self, motion: Motion, joins: Joins, plan: Plan, finish: Callable[[Motion, Joins, Plan], Motion]
     ) -> None:

@@ -25,12 +25,7 @@ from choreograph.render.assembly import assemble
 from choreograph.render.dynamics import STOP_EASE_S, scale_in_place, with_stops
 from choreograph.render.filled_gaps import fill_gaps, of_length
 from choreograph.render.first_part import FirstPart, part_of_plan
-from choreograph.render.held_poses import (
-    Replaced,
-    copied,
-    hold_ends_in_place,
-    hold_stops_in_place,
-)
+from choreograph.render.held_poses import Replaced, copied, hold_ends_in_place, hold_stops_in_place
 from choreograph.render.runs import (
     MotionReader,
     RecentRuns,
@@ -116,7 +111,7 @@ def render_planned(
     """As `render` of a valid plan, with a memory of this repertoire.
 
     In the memory are parts of takes and motions of the same steps. A `first` part is shown before the rest
-    is rendered, without edits, unless all is in the memory.
+    is rendered, without edits.
     """
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
@@ -138,9 +133,15 @@ def _rendered(
     seconds = tuple(replace(second, costs={}) for second in plan.seconds)
     steps = replace(plan, weights={}, seed=0, least_cost=None, seconds=seconds, edits=())
     read_motion = take_motions(repertoire)
-    motion = memory.value(
-        lambda: render_from(read_motion, plan, sample=sample, report=report, first=first), "rendered", steps
-    )
+    shown: list[FirstPart] = []
+
+    def made() -> Motion:
+        shown.extend([] if first is None else [first])
+        return render_from(read_motion, plan, sample=sample, report=report, first=first)
+
+    motion = memory.value(made, "rendered", steps)
+    if first is not None and not shown:
+        first.show_rendered(motion)
     return deepcopy(motion) if memory.is_on else motion
 
 

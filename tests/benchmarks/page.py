@@ -100,7 +100,7 @@ PARTS_OF_PLAN = {
     "greedy path beside it": ("choreography.graph.planners:_GreedyPath.extend",),
     "cheap nodes, and their edges": ("choreography.graph.cheap_nodes:CheapSoFar.add",),
     "local search": ("choreography.graph.planners:_improved",),
-    "costs of the path": ("choreography.graph.planners:_path_with_costs",),
+    "costs of the path": ("choreography.graph.planners:_terms_of",),
 }
 
 

@@ -48,6 +48,30 @@ def test_a_part_is_that_of_the_whole_dance(dance, repertoire, start_s):
     assert np.abs(part.root_pos_m - same.root_pos_m).max() < 5e-3
 
 
+def test_a_part_of_a_dance_in_the_memory_is_told_once(dance, repertoire):
+    memory, told = Memory(10**7), []
+    first = FirstPart(2.0, 5.0, lambda motion, from_s: told.append((motion, from_s)))
+    for _ in range(2):
+        whole = render_planned(dance.plan, repertoire, memory, first=first)
+    [_, (part, from_s)] = told
+    start = round(2.0 * part.fps)
+    assert from_s == 2.0 and part.n_frames == round(3.0 * part.fps)
+    assert part.local_quat.tobytes() == whole.local_quat[start : start + part.n_frames].tobytes()
+    FirstPart(whole.duration_s, whole.duration_s + 1.0, pytest.fail).show_rendered(whole)
+
+
+@pytest.mark.parametrize("settings", [{}, {"bound": True}, {"planner": "greedy"}])
+def test_a_dance_whose_first_part_is_told_is_planned_and_explained_as_any(song, repertoire, settings):
+    told = []
+    first = FirstPart(1.0, 3.0, lambda *part: told.append(part))
+    made = dance_with(Memory(10**7), song, repertoire, first=first, **settings)
+    plain = dance_with(Memory(10**7), song, repertoire, **settings)
+    assert made.plan == plain.plan and made.notes == plain.notes
+    assert all(second.costs for second in made.plan.seconds)
+    assert made.motion.local_quat.tobytes() == plain.motion.local_quat.tobytes()
+    assert len(told) == 1
+
+
 def test_few_runs_before_the_end_of_a_part_are_assembled_first(dance, repertoire):
     times_s = np.linspace(0.0, 2.0, 41)
     runs = [Run("a", 2.0 * i, 2.0 * i + 2.0, times_s) for i in range(20)]

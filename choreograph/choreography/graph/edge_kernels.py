@@ -155,9 +155,10 @@ def fixed_edges(
     `poses` and `velocities` (P, N) are products of those of both nodes. The terms are added as by
     `edge_costs`.
     """
-    _, _, _, _, next_part, _, _, _, last_sq, last_velocity_sq, last_speed, end, leave, last_words, last_take = (
-        before
-    )
+    (
+        _, _, _, _, next_part, _, _, _, last_sq, last_velocity_sq, last_speed, end, leave, last_words,
+        last_take,
+    ) = before  # fmt: skip
     (
         _, _, starts_part, take, _, _, _, _, _, stay, first_sq, first_velocity_sq, first_speed, start, enter,
         first_words,

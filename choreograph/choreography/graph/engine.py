@@ -111,7 +111,8 @@ class GraphEngine:
             notes = (*notes, note)
         goals, goal_notes = _goals(request)
         path, weights = _search_path(request, goals)
-        plan = _to_plan(path, weights, request)
+        costs_later = request.costs_later and not constraints.constrains_motifs and not config.bound
+        plan = _to_plan(path, weights, request, with_costs=not costs_later)
         if plan.least_cost is not None:
             costs = f"the plan costs {plan.total_cost:.1f}, and no plan costs less than {plan.least_cost:.1f}"
             notes = (*notes, costs)
@@ -123,7 +124,8 @@ class GraphEngine:
             plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
         if config.warping == "counts":
             goal_notes = (*goal_notes, *request.material.metre_notes)
-        return EngineResult(plan, (*notes, *goal_notes), motion)
+        costs_of = partial(_costs_of, path) if costs_later else None
+        return EngineResult(plan, (*notes, *goal_notes), motion, costs_of=costs_of)
 
 
 def _unaligned_note(request: DanceRequest) -> str:
@@ -294,14 +296,20 @@ def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceReq
     return path
 
 
-def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest) -> Plan:
+def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest, *, with_costs: bool) -> Plan:
+    of_seconds = _costs_of(path) if with_costs else [{}] * len(path.nodes)
     seconds = [
-        _planned_second(node, costs, request) for node, costs in zip(path.nodes, path.costs, strict=True)
+        _planned_second(node, costs, request) for node, costs in zip(path.nodes, of_seconds, strict=True)
     ]
     least = None if path.least_total is None else round(path.least_total, _COST_DECIMALS)
     return request.new_plan(
         engine=GraphEngine.name, weights=weights, seconds=tuple(seconds), least_cost=least
     )
+
+
+def _costs_of(path: Path) -> list[dict[str, float]]:
+    """The costs of every second, by name, as they are stored in a plan."""
+    return [{name: round(cost, _COST_DECIMALS) for name, cost in costs.items()} for costs in path.costs]
 
 
 def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest) -> PlannedSecond:
@@ -320,6 +328,6 @@ def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest)
         source_times_s=tuple(float(time) for time in times_s.round(5)),
         start_s=float(node.second),
         transition_s=TRANSITION_LENGTHS_S[request.config.blending][0],
-        costs={name: round(cost, _COST_DECIMALS) for name, cost in costs.items()},
+        costs=costs,
         credits=take.credits,
     )

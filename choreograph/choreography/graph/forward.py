@@ -276,9 +276,7 @@ class _CompiledEdges(_Edges):
 
     def of_pairs(self, here: AnyInts, there: AnyInts) -> F32:
         poses = np.einsum("md,md->m", self._before.last[here], self.after.first[there])
-        velocities = np.einsum(
-            "md,md->m", self._before.last_velocity[here], self.after.first_velocity[there]
-        )
+        velocities = np.einsum("md,md->m", self._before.last_velocity[here], self.after.first_velocity[there])
         nothing, most = np.zeros(len(here), np.float32), np.full(len(here), np.inf, np.float32)
         _, edges = cheapest_edges(
             here, there, True, nothing, most, poses[:, None], velocities[:, None], *self._arguments

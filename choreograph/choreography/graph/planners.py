@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,13 @@ class Path:
     """The chosen node of every second, as layers of one node, and its costs."""
 
     nodes: tuple[Layer, ...]  # S layers of one node
-    costs: tuple[dict[str, float], ...]  # S, cost name -> weighted cost of the node and of the edge into it
+    terms: Callable[[], tuple[dict[str, float], ...]]  # evaluates `costs`
     least_total: float | None = None  # a lower bound of the total of any path, if it was asked for
+
+    @cached_property
+    def costs(self) -> tuple[dict[str, float], ...]:
+        """S times, cost name -> weighted cost of the node and of the edge into it."""
+        return self.terms()
 
     @property
     def total(self) -> float:
@@ -66,7 +72,7 @@ def plan_exact(
     cheap = CheapSoFar(source, costs, song_features) if of_path else None
     keys, total = _search(source, costs, song_features, cheap, report)
     nodes = [source.node(key) for key in keys] if cheap is None else _improved(cheap, keys)
-    path = _path_with_costs(nodes, costs, song_features)
+    path = _path_along(nodes, costs, song_features)
     if not with_bound:
         return path
     fixed = [weighted for weighted in costs if not weighted.cost.of_path]
@@ -146,7 +152,7 @@ def plan_greedy(
             raise NoPathError(f"no allowed edge into second {second}: relax a cost that returns inf")
         if report is not None:
             report(second + 1, source.n_seconds)
-    return _path_with_costs([source.node(key) for key in path.keys], costs, song_features)
+    return _path_along([source.node(key) for key in path.keys], costs, song_features)
 
 
 class _GreedyPath:
@@ -196,17 +202,17 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
     return found[::-1]
 
 
-def _path_with_costs(
-    layers: Sequence[Layer], costs: Sequence[WeightedCost], song_features: SongFeatures
-) -> Path:
-    """The path through layers of one node, with every cost term of each."""
+def _path_along(layers: Sequence[Layer], costs: Sequence[WeightedCost], song_features: SongFeatures) -> Path:
+    """The path through layers of one node, with what was danced up to each."""
     nodes: list[Layer] = []
-    terms_of: list[dict[str, float]] = []
     for node in layers:
-        last = nodes[-1] if nodes else None
-        terms_of.append(_terms_of(last, node, costs, song_features))
-        nodes.append(with_history(node, node if last is None else last))
-    return Path(tuple(nodes), tuple(terms_of))
+        nodes.append(with_history(node, nodes[-1] if nodes else node))
+
+    def terms() -> tuple[dict[str, float], ...]:
+        pairs = zip([None, *nodes[:-1]], layers, strict=True)
+        return tuple(_terms_of(last, node, costs, song_features) for last, node in pairs)
+
+    return Path(tuple(nodes), terms)
 
 
 def _terms_of(
@@ -264,7 +270,7 @@ def plan_motion_graph(
         terms.append({Transition.name: float(smoothness[best])})
         if report is not None:
             report(n_seconds + second + 1, 2 * n_seconds)
-    return Path(tuple(nodes), tuple(terms))
+    return Path(tuple(nodes), lambda: tuple(terms))
 
 
 def _edges(

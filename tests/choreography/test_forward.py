@@ -1,0 +1,78 @@
+"""The steps of a search: their compiled edges are those of `edge_costs`, to the bit."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from synthetic_layers import random_source
+
+from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs
+from choreograph.choreography.graph.costs import (
+    Completeness,
+    Front,
+    Phrasing,
+    Repeat,
+    Transition,
+    Variety,
+    Velocity,
+)
+from choreograph.choreography.graph.forward import Steps
+from choreograph.choreography.graph.local_search import with_history
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
+from choreograph.choreography.material import MotifGoal
+
+N_MOTIFS = 5
+
+
+def weighted(song_features) -> list[WeightedCost]:
+    """The built-in costs of edges, in the order of a dance."""
+    rng = np.random.default_rng(0)
+    goal = MotifGoal(np.full(N_MOTIFS, 1 / N_MOTIFS), rng.dirichlet(np.ones(N_MOTIFS), N_MOTIFS))
+    of_music = Completeness(), Transition(), Velocity(), Phrasing(), Front(), Variety(), Repeat()
+    of_motifs = Signature([(0, goal)], song_features), MotifTransition([(0, goal)], song_features)
+    return [WeightedCost(cost, 0.7 + 0.3 * i) for i, cost in enumerate((*of_music, *of_motifs))]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_compiled_edges_are_those_of_edge_costs_to_the_bit(seed):
+    source, song_features = random_source(
+        seed, n_seconds=6, k=12, n_clips=14, n_motifs=N_MOTIFS, tie_break_s=np.array([0.0, 0.1]), tracked=True
+    )
+    costs = weighted(song_features)
+    fixed = [one for one in costs if not one.cost.of_path]
+    rng = np.random.default_rng(seed)
+    with ThreadPoolExecutor(1) as pool:
+        step = Steps(costs, song_features, pool)
+        layer, reached = allowed_nodes(source.layer(0), costs, song_features)
+        layer = with_history(layer, layer)
+        for second in range(1, source.n_seconds):
+            following, node_cost = allowed_nodes(source.layer(second), costs, song_features)
+            best, parent = step(layer, following, reached)
+            here, there = (np.sort(rng.choice(n, n // 2, False)) for n in (layer.n_nodes, following.n_nodes))
+            coming = step.fixed(here, there)
+            assert coming is not None
+            expected = edge_costs(layer.subset(here), following.subset(there), fixed, song_features)
+            assert coming.result().tobytes() == expected.tobytes()
+            node = int(rng.integers(layer.n_nodes))
+            one = layer.subset(np.array([node]))
+            of_one = edge_costs(one, following, costs, song_features)[0]
+            np.testing.assert_allclose(step.from_one(one, node), of_one, rtol=3e-6)
+            layer, reached = with_history(following, layer, parent), best + node_cost
+
+
+def test_edges_of_other_costs_are_not_evaluated_ahead():
+    class Own(Cost):
+        def edge(self, previous, next, song_features):
+            return np.ones((previous.n_nodes, next.n_nodes))
+
+    source, song_features = random_source(0, n_seconds=3)
+    costs = [WeightedCost(Own(), 2.0)]
+    layer, reached = allowed_nodes(source.layer(0), costs, song_features)
+    following, _ = allowed_nodes(source.layer(1), costs, song_features)
+    with ThreadPoolExecutor(1) as pool:
+        step = Steps(costs, song_features, pool)
+        step(layer, following, reached)
+        assert step.fixed(np.arange(2), np.arange(3)) is None
+        assert step.from_one(layer.subset(np.array([1])), 1).tolist() == [2.0] * following.n_nodes
