@@ -69,8 +69,9 @@ def _weight(page: Page, rng: np.random.Generator) -> dict[str, Any]:
     page.evaluate("watch('pointerup')")
     box = slider.bounding_box()
     assert box is not None
+    before = slider.input_value()
     page.mouse.click(box["x"] + float(rng.uniform(0.1, 0.9)) * box["width"], box["y"] + box["height"] / 2)
-    return _measured(page)
+    return _weight(page, rng) if slider.input_value() == before else _measured(page)
 
 
 def _choice(page: Page, rng: np.random.Generator) -> dict[str, Any]:
