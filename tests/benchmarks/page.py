@@ -100,7 +100,7 @@ PARTS_OF_PLAN = {
     "greedy path beside it": ("choreography.graph.planners:_GreedyPath.extend",),
     "cheap nodes, and their edges": ("choreography.graph.cheap_nodes:CheapSoFar.add",),
     "local search": ("choreography.graph.planners:_improved",),
-    "costs of the path": ("choreography.graph.planners:_terms_of",),
+    "costs of the path": ("choreography.graph.planners:_path_along", "choreography.graph.planners:_terms_of"),
 }
 
 
@@ -119,7 +119,7 @@ def planned(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[Call
     source = calls[0][0]
     layers = [source.layer(second) for second in range(source.n_seconds)]
     source.layer = layers.__getitem__  # layers are no part of the search
-    return partial(plan_path, *calls[0]), layers
+    return lambda: plan_path(*calls[0]).costs, layers
 
 
 class _KnownEdges(forward._Edges):

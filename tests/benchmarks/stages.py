@@ -41,7 +41,7 @@ STAGES = {  # name: functions, each as module:qualified name
     "layers": ("choreography.graph.segments:LayerSource.layer",),
     "exact search": ("choreography.graph.planners:_search",),
     "local search": ("choreography.graph.planners:_improved",),
-    "costs of the path": ("choreography.graph.planners:_path_with_costs",),
+    "costs of the path": ("choreography.graph.planners:_path_along", "choreography.graph.engine:_costs_of"),
     "timing of transitions": ("choreography.graph.engine:with_transitions_on_counts",),
     "drawing of words": ("choreography.mixer.engine:MixerEngine.plan",),
     "generation": ("choreography.rollout.engine:generate_motion",),
