@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import gc
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -30,6 +31,8 @@ from choreograph.motion.motion import Motion
 
 _RATE_HZ = 22050
 _NO_MORE_S = 5.0  # after which the command has ended
+_SO_TIMESTAMPNS = 35  # of Linux, for which Python has no name
+_TIMESPEC = struct.Struct("qq")
 
 
 def danced(seconds: float) -> Motion:
@@ -41,15 +44,23 @@ def danced(seconds: float) -> Motion:
 
 
 def received(own: socket.socket, arrivals: list[tuple[float, float]]) -> None:
-    """Note when packets arrive, and the song's time in them."""
+    """Note when packets arrive, and the song's time in them.
+
+    On Linux, the kernel notes when a packet arrives. Elsewhere, the time is that at which this process reads
+    it, which other work delays.
+    """
     while True:
         try:
-            packet = own.recv(65535)
+            packet, notes, *_ = own.recvmsg(65535, socket.CMSG_SPACE(_TIMESPEC.size))
         except TimeoutError:
             if arrivals:
                 return
             continue
-        now_s = time.perf_counter()
+        now_s = time.time()
+        for level, kind, data in notes:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_TIMESTAMPNS):
+                seconds, nanoseconds = _TIMESPEC.unpack(data)
+                now_s = seconds + 1e-9 * nanoseconds
         [time_s] = [m.arguments[0] for m in messages_of(packet) if m.address == "/VMC/Ext/T"]
         arrivals.append((now_s, time_s))
 
@@ -86,6 +97,8 @@ def main() -> None:
             own = socket.socket(type=socket.SOCK_DGRAM)
             own.bind(("127.0.0.1", 0))
             own.settimeout(_NO_MORE_S)
+            if sys.platform == "linux":
+                own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
             arrivals: list[tuple[float, float]] = []
             thread = threading.Thread(target=received, args=(own, arrivals))
             thread.start()
