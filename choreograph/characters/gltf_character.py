@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from choreograph.characters.performance import Performance, leg_m, perform
+from choreograph.characters.performance import Performance, leg_m, perform, with_root_motion
 from choreograph.core.arguments import as_list, check_kind, check_text
 from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
@@ -61,17 +61,29 @@ class GltfCharacter:
         """The mean length of both legs, from hip to ankle along the bones."""
         return sum(leg_m(self.rig, self.bones, side) for side in ("left", "right")) / 2
 
-    def dancing(self, motion: Motion, name: str = "dance", figures: Sequence[Figure] = ()) -> GltfDocument:
+    def dancing(
+        self,
+        motion: Motion,
+        name: str = "dance",
+        figures: Sequence[Figure] = (),
+        *,
+        root_motion: bool = False,
+    ) -> GltfDocument:
         """The document with a dance of the character as its only animation.
 
         Fingers, if it has any, are relaxed, or open or closed by the names of the `figures` that are danced.
+        With `root_motion`, a bone named root above the hips has the path on the floor, if there is one.
 
         Raises `ParameterError` if the bones of the body are not all below the pelvis.
         """
         check_text("the name of an animation", name)
+        check_kind("root_motion", root_motion, bool)
         figures = as_list("the figures of a dance", figures, "Figure", Figure)
         document = self._without_animations()
-        self._animate(document, self._performed(motion, hand_spans(figures)), name)
+        performance = self._performed(motion, hand_spans(figures))
+        if root_motion:
+            performance = with_root_motion(performance, self.rig, self.bones)
+        self._animate(document, performance, name)
         return document
 
     def dancing_clips(self, motions: Mapping[str, Motion]) -> GltfDocument:

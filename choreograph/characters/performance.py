@@ -36,6 +36,7 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 
 _TWIST = re.compile(r"twist|roll", re.IGNORECASE)
 _IK = re.compile(r"^ik_(foot|hand)_(l|r)$", re.IGNORECASE)  # Unreal's
+_ROOT = re.compile(r"(?:^|[^a-z])root$", re.IGNORECASE)  # as "root", "Root" or "hero_root"
 _IK_ROLES = {"foot": "ankle", "hand": "wrist"}
 _SIDES = {"l": "left", "r": "right"}
 # Bones of limbs. An upper bone has its roll from the bone above, a lower one from the bone at its end.
@@ -309,6 +310,38 @@ def _on_bones(figure: Motion, rig: Rig, bones: Mapping[str, int], joint_of: Mapp
         offset = rot.rotate(turned[:, joint], rig.bind_pos_m[bone] - rig.bind_pos_m[goal])
         translation[bone] = _in_space_of(rest, parent, pos_m[:, joint] + offset)
     return Performance(figure.fps, figure.n_frames, local, translation, figure)
+
+
+def with_root_motion(performance: Performance, rig: Rig, bones: Mapping[str, int]) -> Performance:
+    """The performance, with the path of the hips on the floor in a bone named root above them.
+
+    All bones stay where they are in the world. Without such a bone, nothing changes.
+    """
+    pelvis = bones["pelvis"]
+    root = next((bone for bone in _above(rig, pelvis) if _ROOT.search(rig.names[bone])), None)
+    if root is None:
+        return performance
+    rest, ground = rig.rest_world(), np.array([1.0, 0.0, 1.0])
+    path_m = (performance.motion.root_pos_m - rig.bind_pos_m[pelvis]) * ground  # (T, 3)
+    translation = {
+        bone: pos - _along_axes_of(rest, int(rig.parents[bone]), path_m) if root in _above(rig, bone) else pos
+        for bone, pos in performance.translation.items()
+    }
+    moved = _along_axes_of(rest, int(rig.parents[root]), path_m)
+    return replace(performance, translation=translation | {root: rig.rest_translation[root] + moved})
+
+
+def _above(rig: Rig, bone: int) -> list[int]:
+    """The bones above one, from its parent to the root."""
+    found = [int(rig.parents[bone])]
+    while found[-1] >= 0:
+        found.append(int(rig.parents[found[-1]]))
+    return found[:-1]
+
+
+def _along_axes_of(rest: Floats, parent: int, moved_m: Floats) -> Floats:
+    """World displacements (T, 3) in the units and along the axes of a bone that the dance does not turn."""
+    return moved_m if parent < 0 else moved_m @ np.linalg.inv(rest[parent])[:3, :3].T
 
 
 def _rotation_above(rest: Floats, parent: int) -> Floats:

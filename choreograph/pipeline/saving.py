@@ -86,8 +86,11 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         if parts.target is None:
             document = character.dancing(parts.motion, figures=parts.figures)
         else:
-            motion = placed(parts.motion, TARGETS[parts.target])
-            document = character.dancing(motion, _clip_name(parts, parts.target), parts.figures)
+            target = TARGETS[parts.target]
+            document = character.dancing(
+                placed(parts.motion, target), _clip_name(parts, parts.target), parts.figures,
+                root_motion=bool(target.root),
+            )  # fmt: skip
         if suffix == "glb" and parts.camera is not None:
             document = with_camera(document, parts.camera)
         save_document(path, as_dance(document))

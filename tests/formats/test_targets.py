@@ -131,6 +131,37 @@ def test_clips_have_the_song_s_name_and_the_mark_of_a_loop(tmp_path):
     assert document.json["animations"][-1]["name"] == "My_song_live"
 
 
+@pytest.mark.parametrize("kind", ["unreal", "mixamo"])
+def test_the_root_bone_of_a_character_has_the_path_if_there_is_one(tmp_path, kind):
+    write_character(tmp_path / "hero.glb", CHARACTERS[kind])
+    hero, places_m = read_character(tmp_path / "hero.glb"), {}
+    for name in ("unity", "unreal"):
+        path = tmp_path / f"{name}.glb"
+        document = saved(path, name, character=hero)
+        [take] = import_takes(path)
+        pos_m = take.motion.joint_pos_m()  # (T, J, 3)
+        places_m[name] = dict(zip(take.motion.skeleton.names, np.moveaxis(pos_m, 1, 0), strict=True))
+    with_path, without = places_m["unreal"], places_m["unity"]
+    for bone in without.keys() - {"root"}:
+        np.testing.assert_allclose(with_path[bone], without[bone], atol=1e-4)
+    if kind == "mixamo":
+        assert (tmp_path / "unity.glb").read_bytes() == (tmp_path / "unreal.glb").read_bytes()
+    else:
+        of_root, of_hips = (track_m(document, bone) for bone in ("root", "pelvis"))
+        assert np.sort(np.ptp(of_hips, axis=0))[1] < 1e-5  # along the axes of the root bone: only the height
+        assert np.ptp(of_root[:, [0, 2]], axis=0).min() > 0.5 and np.ptp(of_root[:, 1]) < 1e-6
+
+
+def track_m(document, bone: str) -> np.ndarray:
+    """The translations (T, 3) of a bone in the only animation."""
+    [animation] = document.json["animations"]
+    for channel in animation["channels"]:
+        target = channel["target"]
+        if target["path"] == "translation" and document.json["nodes"][target["node"]]["name"] == bone:
+            return document.array(animation["samplers"][channel["sampler"]]["output"])
+    raise AssertionError(bone)
+
+
 def clip(turn, fps=30.0, *, loops=False):
     """A motion of its own, which ends where it begins if it `loops`."""
     made = replace(stepping(60, seed=turn), fps=fps)
