@@ -40,6 +40,29 @@ def folder(tmp_path, song):
 
 
 @pytest.fixture
+def open_desk(repertoire, folder):
+    """Opens desks of a project whose song is read and danced."""
+    from choreograph.studio.desk import Desk
+
+    opened = []
+
+    def open_one():
+        opened.append(Desk(folder, repertoire))
+        opened[-1].open(folder / "clicks.wav")
+        opened[-1].load(None, None)
+        return opened[-1]
+
+    yield open_one
+    for desk in opened:
+        desk.close()
+
+
+@pytest.fixture
+def desk(open_desk):
+    return open_desk()
+
+
+@pytest.fixture
 def open_studio(repertoire):
     """Opens a studio on a song, or none. It is closed at the end."""
     from studio_client import Client

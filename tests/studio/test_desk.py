@@ -16,26 +16,6 @@ from choreograph.studio.refusals import ConflictError, NotFoundError
 from choreograph.studio.step_dances import StepDances
 
 
-@pytest.fixture
-def open_desk(repertoire, folder):
-    opened = []
-
-    def open_one():
-        opened.append(Desk(folder, repertoire))
-        opened[-1].open(folder / "clicks.wav")
-        opened[-1].load(None, None)
-        return opened[-1]
-
-    yield open_one
-    for desk in opened:
-        desk.close()
-
-
-@pytest.fixture
-def desk(open_desk):
-    return open_desk()
-
-
 def motion_of(desk):
     motion = desk.state.dance.motion
     return np.concatenate([motion.root_pos_m[:, None], motion.local_quat[..., 1:]], axis=1)

@@ -26,26 +26,6 @@ SCHEMA = json.loads(
 DUET = {"dancers": 2, "formation": ["pairs"], "relation": ["mirror"]}
 
 
-@pytest.fixture
-def open_desk(repertoire, folder):
-    opened = []
-
-    def open_one():
-        opened.append(Desk(folder, repertoire))
-        opened[-1].open(folder / "clicks.wav")
-        opened[-1].load(None, None)
-        return opened[-1]
-
-    yield open_one
-    for desk in opened:
-        desk.close()
-
-
-@pytest.fixture
-def desk(open_desk):
-    return open_desk()
-
-
 def change(desk, changes, **options):
     desk.change_settings(desk.project.revision, changes, **options)
     return desk.state.scene
