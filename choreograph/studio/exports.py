@@ -12,6 +12,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.pipeline.dancing import Dance
+from choreograph.pipeline.figures import figures_from
 from choreograph.pipeline.saving import SavedParts, options_used, output_formats, save_dance
 from choreograph.pipeline.scene_saving import scene_paths
 from choreograph.studio.project import Span
@@ -68,7 +69,7 @@ def export(
         dance.song_path,
         used.get("click", False),
         used.get("character"),
-        None,
+        figures=dance.figures,
     )
     if report is not None:
         report(f"writing {path.name}", 0, 0)
@@ -135,4 +136,4 @@ def _part(path: Path, dance: Dance, span: Span) -> Dance:
         plan, start_s=plan.start_s + start_s, duration_s=motion.duration_s,
         music_beats_s=tuple(s for s, _ in inside), music_beat_numbers=numbers,
     )  # fmt: skip
-    return replace(dance, motion=motion, plan=plan)
+    return replace(dance, motion=motion, plan=plan, figures=figures_from(dance.figures, start_s))

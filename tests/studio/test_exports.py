@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import choreograph as cg
+from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.studio import exports
 from choreograph.studio.exports import EXPORTED, export, suffix_of
@@ -50,6 +53,18 @@ def test_the_plan_of_a_part_begins_with_it(made, tmp_path, monkeypatch):
     assert len(plan.music_beat_numbers) == (len(beats_s) if whole.music_beat_numbers else 0)
     export(tmp_path / "a.bvh", made, None, None, None)
     assert saved[1].plan is whole and saved[1].motion is made.motion
+
+
+def test_hands_follow_the_figures_also_in_a_part(made, tmp_path):
+    figures = (Figure("cabbage patch", 1.0, 3.0, 4), Figure("fan", 3.0, 6.0, 6))
+    danced = replace(made, figures=figures)
+    danced.save(tmp_path / "other.vmd")
+    export(tmp_path / "whole.vmd", danced, None, None, None)
+    assert (tmp_path / "whole.vmd").read_bytes() == (tmp_path / "other.vmd").read_bytes()
+    export(tmp_path / "relaxed.vmd", replace(made, figures=()), None, None, None)
+    assert (tmp_path / "relaxed.vmd").read_bytes() != (tmp_path / "whole.vmd").read_bytes()
+    part = exports._part(tmp_path / "a.vmd", danced, (2.0, 5.0))
+    assert [(f.start_s, f.end_s) for f in part.figures] == [(0.0, 1.0), (1.0, 4.0)]
 
 
 @pytest.mark.parametrize("suffix", ["json", "html"])
