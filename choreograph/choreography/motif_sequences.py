@@ -126,6 +126,27 @@ def possible_motifs(
     return possible
 
 
+def shares_on_count(
+    slot_position: Indices, word_position: Indices, takes: NDArray[np.bool_], vocabulary: Vocabulary
+) -> Floats:
+    """Of the words of each motif, the share (N, K) that begins on the count of each slot (N,).
+
+    Only words of the `takes` (N, takes) are counted. The share is NaN where none of them is on the count.
+    """
+    shares = np.full((len(slot_position), vocabulary.n_motifs), np.nan)
+    for slot, wanted in enumerate(slot_position):
+        words = takes[slot, vocabulary.word_take]
+        on_count = words & (word_position == wanted)
+        if wanted == UNKNOWN or not on_count.any():
+            continue
+        n_words, n_on_count = (
+            np.bincount(vocabulary.word_motif[which], minlength=vocabulary.n_motifs)
+            for which in (words, on_count)
+        )
+        shares[slot] = n_on_count / np.maximum(n_words, 1)
+    return shares
+
+
 # Sequences of motifs, drawn so that they have the signature and transitions of a genre, around pinned motifs.
 #
 # Rhythm is a Dancer, section 4.3. Equation 5 is, componentwise, p_{k+1} = |s_k - s_G| · T_j, normalised to

@@ -13,7 +13,7 @@ from choreograph.choreography.material import Material
 from choreograph.choreography.motif_sequences import (
     UNKNOWN,
     bar_positions,
-    possible_motifs,
+    shares_on_count,
     word_positions,
 )
 from choreograph.core.counts import Counts
@@ -219,21 +219,22 @@ def _first_slot(
 ) -> int:
     """The first slot at which a given sequence of motifs begins on the counts on which its words are danced.
 
-    A song may begin within a bar. The sequence then begins up to a bar later, where most of its motifs have
-    words on the counts of their slots (N,). It begins with the first slot without counts, and if it has less
-    than two bars of four.
+    A song may begin within a bar. The sequence then begins up to a bar later, where its motifs are danced on
+    the counts of their slots (N,) by most of their words: many motifs have a word on every count. It begins
+    with the first slot if there are no counts, and if it has less than two bars of four.
     """
     if not motifs or not (slot_position != UNKNOWN).any():
         return 0
     vocabulary = repertoire.vocabulary
     positions = word_positions(vocabulary, repertoire.counts)
-    on_count = possible_motifs(slot_position, positions, take_wanted, vocabulary)  # (N, K)
-    n_compared = min(len(motifs), len(on_count) - (_LATEST_SLOT - 1))
+    shares = shares_on_count(slot_position, positions, take_wanted, vocabulary)  # (N, K)
+    n_compared = min(len(motifs), len(shares) - (_LATEST_SLOT - 1))
     if n_compared < _FEWEST_GIVEN:
         return 0
-    compared = np.array(motifs[:n_compared])
-    shares = [np.mean(on_count[first + np.arange(n_compared), compared]) for first in range(_LATEST_SLOT)]
-    return int(np.argmax(shares))
+    slots = np.arange(_LATEST_SLOT)[:, None] + np.arange(n_compared)
+    compared = shares[slots, np.array(motifs[:n_compared])]  # (first slots, motifs)
+    known = np.isfinite(compared).all(axis=0)
+    return int(np.argmax(compared[:, known].sum(axis=1)))
 
 
 _LISTED = 20  # names in an error

@@ -230,7 +230,7 @@ def motifs_of(take: str | Path, repertoire: Repertoire) -> tuple[int, ...]:
     >>> repertoire = cg.starter_repertoire()
     >>> motifs = cg.motifs_of("house-05", repertoire)
     >>> dance = cg.dance(cg.example_songs()["house"], motifs=motifs, duration_s=8)
-    >>> dance.plan.engine, dance.plan.words[0].motif == motifs[0]
+    >>> dance.plan.engine, dance.plan.words[1].motif == motifs[0]  # word 0 is before the first count
     ('mixer', True)
     """
     repertoire = as_repertoire(repertoire)

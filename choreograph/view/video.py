@@ -27,8 +27,9 @@ from choreograph.view.sound import Clicks, SongPart, aac_packets, aac_stream, si
 # The first encoder of the installed PyAV is used. H.264 plays everywhere, and "mpeg4" is in every build.
 _ENCODERS = {
     # B-frames have a delay that an edit list compensates, which some players ignore.
-    # The result depends on the number of threads, which must not depend on the machine.
-    "libx264": {"preset": "veryfast", "crf": "20", "bf": "0", "threads": "2"},
+    # The result depends on the number of threads, which must not depend on the machine. With macroblock-tree
+    # rate control (mbtree), x264 reads memory that it has not set, so that some results differ.
+    "libx264": {"preset": "veryfast", "crf": "25", "mbtree": "0", "bf": "0", "threads": "2"},
     "libopenh264": {"b": "6000000"},
     "mpeg4": {"b": "8000000", "threads": "1"},
 }

@@ -44,6 +44,16 @@ def test_it_begins_on_its_count_where_a_song_begins_within_a_bar(take, metre, nu
     assert bool(begins) == (first > 0)
 
 
+@pytest.mark.parametrize(("metre", "wanted"), [(4, 3), (3, 2)])
+def test_most_takes_begin_on_their_count(metre, wanted):
+    """Count 3 is in slot 1, since the song begins before it."""
+    counts = make_counts(0.3 + 0.5 * np.arange(31), numbers_in_bar(31, metre, first=3), metre)
+    takes = [take.name for i, take in enumerate(STARTER.takes) if STARTER.counts(i).metre == metre]
+    begins = np.array([given(take, counts)[1].first_given for take in takes])
+    assert len(takes) > 30
+    assert np.mean(begins % metre == wanted % metre) > 0.9
+
+
 @pytest.mark.parametrize("n_motifs", [None, 3])
 def test_without_bars_it_begins_with_the_dance(n_motifs):
     without_bars = make_counts(0.5 * np.arange(31), np.zeros(31), 0)
