@@ -148,8 +148,8 @@ _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, an
 _FPS = 60.0
 _PLAYER = (
     "math.js", "decompress.js", "ground_path.js", "skeleton.js", "clock.js", "camera.js", "shaders.js",
-    "skin.js", "stage_colours.js", "resolution.js", "renderer.js", "stage.js", "orbit.js", "elements.js",
-    "player.js",
+    "skin.js", "stage_colours.js", "resolution.js", "webgl.js", "body.js", "shadows.js", "renderer.js",
+    "stage.js", "orbit.js", "elements.js", "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")
 

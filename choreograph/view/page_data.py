@@ -204,7 +204,9 @@ def mannequin_body(motion: Motion, others: Sequence[Motion] = ()) -> PageBody:
         own = compress_motion(other, max_bytes=most)
         data[f"motion-{number}"] = own.text
         facts.setdefault("others", []).append(other_facts(own, other, number - 1, motion, mesh_layout))
-    scripts = ("skeleton.js", "crowd.js", "skin.js", "renderer.js", "main.js")
+    scripts = (
+        "skeleton.js", "crowd.js", "skin.js", "webgl.js", "body.js", "shadows.js", "renderer.js", "main.js",
+    )  # fmt: skip
     return PageBody(facts, data, scripts)
 
 

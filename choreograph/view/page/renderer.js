@@ -1,21 +1,19 @@
 // Draws the dancer, or several, on the floor with WebGL 2: a skinned mesh and a shadow each, a disc.
 
-import { clamp, normalized } from "./math.js";
+import { Body, coarseMesh } from "./body.js";
+import { normalized } from "./math.js";
 import { Resolution, openWebgl } from "./resolution.js";
-import { Skin } from "./skin.js";
-import {
-  BLUR_FRAGMENT, BLUR_VERTEX, FLOOR_FRAGMENT, GROUND_VERTEX, SHADE_FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX,
-  bodyShaders,
-} from "./shaders.js";
+import { FLOOR_FRAGMENT, GROUND_VERTEX, bodyShaders } from "./shaders.js";
+import { Shadows } from "./shadows.js";
 import { stageColours } from "./stage_colours.js";
+import { program, shape } from "./webgl.js";
 
-const SHADOW_SIZE = 80; // texels
-const SHADOW_HALF_M = 1.5;
-const SHADOW_MARGIN_M = 0.45; // margin of a shadow around that of the joints, for the flesh and the blur radius
 const RIM_POINTS = 48;
-const KEY_SIDE_RAD = -0.7; // from the audience
 const LIGHT_HEIGHT = 1.35; // of a light one metre to the side
-const ATTRIBUTES = ["aPlace", "aNormal", "aColour", "aCorner"];
+const LIGHT_SIDE = [Math.sin(-0.7), Math.cos(-0.7)]; // the direction of the key light, x and z, from the audience
+const LIGHT = normalized([LIGHT_SIDE[0], LIGHT_HEIGHT, LIGHT_SIDE[1]]);
+const SLIDE = LIGHT_SIDE.map((v) => 0.75 * (v / LIGHT_HEIGHT)); // a high, wide light with short shadows
+const FINE_PIXELS = 100; // in a metre, from which on one of several bodies shows all of its detail
 
 export class Renderer {
   // A renderer on a canvas, or null in a browser without WebGL 2. mesh: that of the dancer, or a list for several.
@@ -27,54 +25,29 @@ export class Renderer {
   constructor(gl, resolution, mesh) {
     const { canvas } = gl;
     Object.assign(this, { gl, canvas, resolution });
-    this.bodies = [mesh].flat().map((one) => ({ mesh: one, skin: new Skin(one) }));
+    const meshes = [mesh].flat();
+    this.bodies = meshes.map((one) => new Body(one));
+    // In software rendering, several bodies are drawn with less detail where they are small.
+    const isCrowd = resolution.slowMachine && meshes.length > 1;
+    this.coarse = isCrowd ? meshes.map((one) => new Body(coarseMesh(one))) : null;
     this.rim = [0.3, 0.3, 0.3];
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });
     this.#build();
   }
 
-  // Sets the dancer to draw, and a key light from the side of the audience.
-  show(dancer) {
-    this.dancers = dancer.dancers ?? [dancer];
-    const [x, z] = [Math.sin(KEY_SIDE_RAD), Math.cos(KEY_SIDE_RAD)];
-    this.light = normalized([x, LIGHT_HEIGHT, z]);
-    this.slide = [x / LIGHT_HEIGHT, z / LIGHT_HEIGHT].map((v) => 0.75 * v); // a high, wide light with short shadows
-  }
+  // Sets the dancer, or the dancers, to draw.
+  show(dancer) { this.dancers = dancer.dancers ?? [dancer]; }
 
   #build() {
     const { gl } = this;
     this.surfaces = { fine: program(gl, ...bodyShaders(true)), quick: program(gl, ...bodyShaders(false)) };
-    this.shadow = program(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
-    this.blur = program(gl, BLUR_VERTEX, BLUR_FRAGMENT);
     this.floor = program(gl, GROUND_VERTEX, FLOOR_FRAGMENT);
-    this.shade = program(gl, GROUND_VERTEX, SHADE_FRAGMENT);
-    for (const body of this.bodies) this.#upload(body);
+    for (const body of [...this.bodies, ...(this.coarse ?? [])]) body.upload(gl);
     const angles = Array.from({ length: RIM_POINTS }, (_, i) => (2 * Math.PI * i) / RIM_POINTS);
     this.disc = shape(gl, angles.flatMap((angle) => [Math.cos(angle), Math.sin(angle)]));
-    this.square = shape(gl, [-1, -1, 1, -1, 1, 1, -1, 1]);
-    this.empty = gl.createVertexArray();
-    this.shades = [0, 1].map(() => target(gl, SHADOW_SIZE));
+    this.shadows = new Shadows(gl, this.bodies.length, SLIDE);
     this.readColours();
-  }
-
-  #upload(body) {
-    const { gl } = this, { mesh, skin } = body;
-    body.skinned = gl.createVertexArray();
-    gl.bindVertexArray(body.skinned);
-    body.buffers = {
-      places: attribute(gl, "aPlace", skin.places, 3, gl.FLOAT),
-      normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
-    };
-    attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
-    body.points = gl.createVertexArray(); // every second vertex, enough for a shadow that is blurred
-    gl.bindVertexArray(body.points);
-    gl.bindBuffer(gl.ARRAY_BUFFER, body.buffers.places);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
-    gl.bindVertexArray(body.skinned);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
   }
 
   readColours() {
@@ -92,89 +65,39 @@ export class Renderer {
   }
 
   draw(view) {
-    const { gl } = this;
+    const { gl, dancers } = this, quick = this.resolution.slowMachine && !this.still;
     this.last = view;
-    this.bodies.forEach(({ skin, buffers }, i) => {
-      skin.pose(this.dancers[i].skin);
-      for (const name of ["places", "normals"]) {
-        gl.bindBuffer(gl.ARRAY_BUFFER, buffers[name]);
-        gl.bufferSubData(gl.ARRAY_BUFFER, 0, skin[name]);
-      }
-    });
-    this.#drawBodies(view);
+    const bodies = this.bodies.map((body, i) => (this.#isSmall(view, dancers[i]) ? this.coarse[i] : body));
+    bodies.forEach((body, i) => body.pose(gl, dancers[i].skin));
+    this.shadows.make(bodies, dancers, quick);
+    this.#drawBodies(view, bodies, this.surfaces[quick ? "quick" : "fine"]);
     this.#drawFloor(view);
-    this.bodies.forEach((body, i) => {
-      const { positions: p } = this.dancers[i];
-      const centre = [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, SHADOW_HALF_M];
-      this.#drawShadow(body, centre);
-      this.#drawShade(view, p, centre);
-    });
+    this.shadows.draw(dancers, view.matrix, this.colours.shade);
   }
 
-  // The part of the shadow's square that can hold a shadow, -1 to 1: [x, z, half width, half depth].
-  #shadeBounds(p, [x, z, half]) {
-    const { slide } = this;
-    let left = 1, back = 1, right = -1, front = -1;
-    for (let i = 0; i < p.length; i += 3) {
-      const offX = p[i] - slide[0] * p[i + 1] - x, offZ = p[i + 2] - slide[1] * p[i + 1] - z;
-      left = Math.min(left, (offX - SHADOW_MARGIN_M) / half);
-      right = Math.max(right, (offX + SHADOW_MARGIN_M) / half);
-      back = Math.min(back, (offZ - SHADOW_MARGIN_M) / half);
-      front = Math.max(front, (offZ + SHADOW_MARGIN_M) / half);
-    }
-    left = clamp(left, -1, 1); right = clamp(right, -1, 1); back = clamp(back, -1, 1); front = clamp(front, -1, 1);
-    return [(left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2];
+  // Whether less detail is enough for a dancer in a view.
+  #isSmall({ matrix: m }, { positions: p }) {
+    if (!this.coarse || this.still) return false;
+    const away = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+    return Math.hypot(m[1], m[5], m[9]) * this.canvas.height < 2 * FINE_PIXELS * away;
   }
 
-  #drawShadow({ mesh, skinned, points }, centre) {
-    const { gl, shadow, blur, shades } = this;
-    gl.viewport(0, 0, SHADOW_SIZE, SHADOW_SIZE);
-    gl.disable(gl.DEPTH_TEST);
-    gl.disable(gl.CULL_FACE);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, shades[0].frame);
-    gl.clearColor(0, 0, 0, 1);
-    gl.clear(gl.COLOR_BUFFER_BIT);
-    gl.enable(gl.BLEND);
-    gl.blendEquation(gl.MAX);
-    gl.useProgram(shadow.program);
-    gl.uniform3fv(shadow.uCentre, centre);
-    gl.uniform2fv(shadow.uSlide, this.slide);
-    const isQuick = this.resolution.slowMachine && !this.still;
-    gl.bindVertexArray(isQuick ? points : skinned);
-    gl.drawArrays(gl.POINTS, 0, mesh.weights.length >> (isQuick ? 1 : 0));
-    gl.disable(gl.BLEND);
-    gl.useProgram(blur.program);
-    gl.uniform1i(blur.uSource, 0);
-    gl.bindVertexArray(this.empty);
-    for (const [from, to, step] of [[0, 1, [1, 0]], [1, 0, [0, 1]]]) {
-      gl.bindFramebuffer(gl.FRAMEBUFFER, shades[to].frame);
-      gl.bindTexture(gl.TEXTURE_2D, shades[from].texture);
-      gl.uniform2f(blur.uStep, step[0] / SHADOW_SIZE, step[1] / SHADOW_SIZE);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-    }
-    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  }
-
-  #drawBodies({ eye, matrix, mirrored }) {
+  #drawBodies({ eye, matrix, mirrored }, bodies, surface) {
     const { gl, colours } = this;
-    const body = this.surfaces[this.resolution.slowMachine && !this.still ? "quick" : "fine"];
     gl.viewport(0, 0, this.canvas.width, this.canvas.height);
     gl.clearColor(...colours.stage, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.enable(gl.CULL_FACE);
     gl.frontFace(mirrored ? gl.CW : gl.CCW);
-    gl.useProgram(body.program);
-    gl.uniformMatrix4fv(body.uMatrix, false, matrix);
-    gl.uniform3fv(body.uEye, eye);
-    gl.uniform3fv(body.uLight, this.light);
-    gl.uniform3fv(body.uRim, this.rim);
-    gl.uniform3fv(body.uGround, this.ground);
-    gl.uniform1f(body.uExposure, this.exposure);
-    for (const { skinned, mesh } of this.bodies) {
-      gl.bindVertexArray(skinned);
-      gl.drawElements(gl.TRIANGLES, mesh.indices.length, gl.UNSIGNED_INT, 0);
-    }
+    gl.useProgram(surface.program);
+    gl.uniformMatrix4fv(surface.uMatrix, false, matrix);
+    gl.uniform3fv(surface.uEye, eye);
+    gl.uniform3fv(surface.uLight, LIGHT);
+    gl.uniform3fv(surface.uRim, this.rim);
+    gl.uniform3fv(surface.uGround, this.ground);
+    gl.uniform1f(surface.uExposure, this.exposure);
+    for (const body of bodies) body.draw(gl);
   }
 
   // Depth is not written, since the floor is below the bodies, and the shadows lie in the plane of the floor.
@@ -193,79 +116,4 @@ export class Renderer {
     gl.drawArrays(gl.TRIANGLE_FAN, 0, RIM_POINTS);
     gl.depthMask(true);
   }
-
-  #drawShade({ matrix }, positions, centre) {
-    const { gl, shade, colours } = this;
-    gl.viewport(0, 0, this.canvas.width, this.canvas.height);
-    gl.enable(gl.DEPTH_TEST);
-    gl.depthMask(false);
-    gl.enable(gl.BLEND);
-    gl.blendEquation(gl.FUNC_ADD);
-    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
-    gl.bindTexture(gl.TEXTURE_2D, this.shades[0].texture);
-    gl.useProgram(shade.program);
-    gl.uniform1i(shade.uShadow, 0);
-    gl.uniformMatrix4fv(shade.uMatrix, false, matrix);
-    gl.uniform3fv(shade.uPlace, centre);
-    gl.uniform4fv(shade.uPart, this.#shadeBounds(positions, centre));
-    gl.uniform3fv(shade.uShade, colours.shade);
-    gl.bindVertexArray(this.square);
-    gl.drawArrays(gl.TRIANGLE_FAN, 0, 4);
-    gl.disable(gl.BLEND);
-    gl.depthMask(true);
-  }
-}
-
-// A linked program and the locations of its uniforms by name.
-function program(gl, vertex, fragment) {
-  const linked = gl.createProgram();
-  for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, source);
-    gl.compileShader(shader);
-    gl.attachShader(linked, shader);
-  }
-  ATTRIBUTES.forEach((name, i) => gl.bindAttribLocation(linked, i, name));
-  gl.linkProgram(linked);
-  if (!gl.getProgramParameter(linked, gl.LINK_STATUS) && !gl.isContextLost()) {
-    const logs = gl.getAttachedShaders(linked).map((shader) => gl.getShaderInfoLog(shader));
-    throw new Error(`${gl.getProgramInfoLog(linked)} ${logs.join(" ")}`);
-  }
-  const places = { program: linked };
-  for (let i = 0; i < gl.getProgramParameter(linked, gl.ACTIVE_UNIFORMS); i++) {
-    const { name } = gl.getActiveUniform(linked, i);
-    places[name] = gl.getUniformLocation(linked, name);
-  }
-  return places;
-}
-
-function attribute(gl, name, data, size, type) {
-  const at = ATTRIBUTES.indexOf(name), buffer = gl.createBuffer();
-  gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-  gl.bufferData(gl.ARRAY_BUFFER, data, gl.DYNAMIC_DRAW);
-  gl.enableVertexAttribArray(at);
-  gl.vertexAttribPointer(at, size, type, type !== gl.FLOAT, 0, 0);
-  return buffer;
-}
-
-// A fan of corners (N, 2) on the ground.
-function shape(gl, corners) {
-  const made = gl.createVertexArray();
-  gl.bindVertexArray(made);
-  attribute(gl, "aCorner", new Float32Array(corners), 2, gl.FLOAT);
-  return made;
-}
-
-// A render target: a texture and its framebuffer.
-function target(gl, size) {
-  const made = gl.createTexture();
-  gl.bindTexture(gl.TEXTURE_2D, made);
-  for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
-  for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
-  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RG8, size, size);
-  const frame = gl.createFramebuffer();
-  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
-  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
-  gl.bindFramebuffer(gl.FRAMEBUFFER, null);
-  return { texture: made, frame };
 }

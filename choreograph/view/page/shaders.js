@@ -132,10 +132,11 @@ precision highp float;
 precision highp sampler2D;
 uniform sampler2D uShadow;
 uniform vec3 uShade;
+uniform vec4 uSquare; // of the texture: its corner, its size
 in vec2 vCorner;
 out vec4 colour;
 void main() {
-  vec2 dark = texture(uShadow, vCorner * 0.5 + 0.5).rg;
+  vec2 dark = texture(uShadow, uSquare.xy + uSquare.zw * (vCorner * 0.5 + 0.5)).rg;
   float inside = 1.0 - smoothstep(0.85, 1.0, max(abs(vCorner.x), abs(vCorner.y)));
   colour = vec4(uShade, inside * (1.0 - (1.0 - 0.66 * dark.r) * (1.0 - 0.62 * dark.g)));
 }`;
