@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from choreograph.characters.performance import Performance, leg_m, perform, with_root_motion
 from choreograph.core.arguments import as_list, check_kind, check_text
 from choreograph.core.counts import Figure
@@ -22,6 +24,9 @@ from choreograph.formats.gltf_rig import Rig, SkinPoints, read_rig, read_skin_po
 from choreograph.motion.bone_map import find_bones
 from choreograph.motion.hands import HandSpan, hand_spans
 from choreograph.motion.motion import Motion
+from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS
+
+_MOST_POINTS = 5000  # of a skin, of which the thickness is measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +65,31 @@ class GltfCharacter:
     def leg_m(self) -> float:
         """The mean length of both legs, from hip to ankle along the bones."""
         return sum(leg_m(self.rig, self.bones, side) for side in ("left", "right")) / 2
+
+    @property
+    def flesh_m(self) -> float:
+        """How far the skin is from the bones of the body, in the bind pose: 99 of 100 points are nearer.
+
+        Points beyond the ends of bones, such as those of hands, are left out. It is 0 without a skin.
+        """
+        ends = [(bone, self._above(joint)) for joint, bone in self.bones.items()]
+        low, high = (self.rig.bind_pos_m[list(side)] for side in zip(*ends, strict=True))  # (S, 3)
+        points_m = self.skin.pos_m[:: 1 + len(self.skin.pos_m) // _MOST_POINTS, None]  # (V, 1, 3)
+        along = high - low
+        share = ((points_m - low) * along).sum(axis=-1) / np.maximum((along * along).sum(axis=-1), 1e-12)
+        away_m = np.linalg.norm(points_m - low - share.clip(0.0, 1.0)[..., None] * along, axis=-1)  # (V, S)
+        if away_m.size == 0:
+            return 0.0
+        nearest = np.arange(len(away_m)), away_m.argmin(axis=1)
+        beside = (share[nearest] > 0.0) & (share[nearest] < 1.0)
+        return float(np.percentile(away_m[nearest][beside], 99)) if beside.any() else 0.0
+
+    def _above(self, joint: str) -> int:
+        """The bone of the nearest joint above one, or its own."""
+        above = CANONICAL_PARENTS[CANONICAL_JOINTS.index(joint)]
+        while above >= 0 and CANONICAL_JOINTS[above] not in self.bones:
+            above = CANONICAL_PARENTS[above]
+        return self.bones[CANONICAL_JOINTS[above] if above >= 0 else joint]
 
     def dancing(
         self,

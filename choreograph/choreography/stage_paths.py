@@ -21,7 +21,7 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.render.scene import ground_shift_m
 
-LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground
+LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground, however large they are
 MARGIN_M = 0.02  # for frames between those that are compared
 SPACING_M = 1.8  # of neighbours in a formation, at least
 _WIDER = 1.04  # a formation, where two bodies are too near
@@ -47,6 +47,7 @@ class StageBody:
 
     motion: Motion
     contacts: Floats
+    girth: float = 1.0  # of its flesh, by which the radii around its joints are multiplied
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +261,7 @@ class _Crowd:
     ground_m: Floats  # (N, T, 2) of the roots, without any way
     reach_m: Floats  # (N, T, J, 2) of the joints from the root
     farthest_m: Floats  # (N, T) from the root, of the body in any direction
-    radii_m: Floats  # (J,)
+    radii_m: Floats  # (N, J)
 
     @classmethod
     def of(cls, bodies: Sequence[StageBody], times_s: Floats) -> _Crowd:
@@ -270,12 +271,12 @@ class _Crowd:
         at_knots = np.clip(np.round(times_s * first.fps).astype(np.int64), 0, first.n_frames - 1)
         rows = np.union1d(np.arange(0, first.n_frames, step), at_knots)
         known: dict[int, tuple[Floats, Floats, Floats]] = {}
-        radii_m = _radii_m()
-        for body in bodies:
+        radii_m = np.array([body.girth * _radii_m() for body in bodies])
+        for body, around_m in zip(bodies, radii_m, strict=True):
             if id(body) not in known:
                 ground = body.motion.root_pos_m[rows][:, [0, 2]]
                 joints = body_pos_m(_frames(body.motion, rows))[..., [0, 2]] - ground[:, None]
-                farthest = (np.linalg.norm(joints, axis=-1) + radii_m).max(axis=1)
+                farthest = (np.linalg.norm(joints, axis=-1) + around_m).max(axis=1)
                 known[id(body)] = ground, joints, farthest
         ground_m, reach_m, farthest_m = (
             np.array([known[id(body)][index] for body in bodies]) for index in range(3)
@@ -307,7 +308,7 @@ class _Crowd:
             rows = np.flatnonzero(distance < near_m + self.farthest_m[one] + self.farthest_m[other])
             if not len(rows):
                 continue
-            gap = _gaps_m(apart[rows], self.reach_m[one, rows], self.reach_m[other, rows], self.radii_m)
+            gap = _gaps_m(apart[rows], self.reach_m[[one, other]][:, rows], self.radii_m[[one, other]])
             short = gap < near_m
             rows, gap = rows[short], gap[short]
             for knot in np.unique(span[rows]).tolist():
@@ -319,12 +320,8 @@ class _Crowd:
     def least_gap_m(self, paths_m: Floats) -> float:
         """The least gap of any two bodies in metres, measured as that of `conflicts`."""
         return min(
-            float(
-                _gaps_m(
-                    paths_m[other] - paths_m[one], self.reach_m[one], self.reach_m[other], self.radii_m
-                ).min()
-            )
-            for one, other in combinations(range(len(paths_m)), 2)
+            float(_gaps_m(paths_m[b] - paths_m[a], self.reach_m[[a, b]], self.radii_m[[a, b]]).min())
+            for a, b in combinations(range(len(paths_m)), 2)
         )
 
     def hidden(self, paths_m: Floats, formation_m: Floats, most_s: float) -> Floats:
@@ -347,24 +344,31 @@ class _Crowd:
         return aside
 
 
-def least_gap_m(motions: Sequence[Motion]) -> float:
-    """The least gap of any two finished dancers in metres, bounded from below as in planning."""
+def least_gap_m(motions: Sequence[Motion], girths: Sequence[float]) -> float:
+    """The least gap of any two finished dancers in metres, bounded from below as in planning.
+
+    `girths` (N,) are those of the bodies.
+    """
     every = np.arange(0, motions[0].n_frames, 2)
     ground_m = np.array([motion.root_pos_m[every][:, [0, 2]] for motion in motions])  # (N, T, 2)
     joints_m = np.array([body_pos_m(_frames(motion, every))[..., [0, 2]] for motion in motions])
-    reach_m, radii_m = joints_m - ground_m[:, :, None], _radii_m()
+    reach_m = joints_m - ground_m[:, :, None]
+    radii_m = np.outer(girths, _radii_m())  # (N, J)
     return min(
-        float(_gaps_m(ground_m[other] - ground_m[one], reach_m[one], reach_m[other], radii_m).min())
-        for one, other in combinations(range(len(motions)), 2)
+        float(_gaps_m(ground_m[b] - ground_m[a], reach_m[[a, b]], radii_m[[a, b]]).min())
+        for a, b in combinations(range(len(motions)), 2)
     )
 
 
-def _gaps_m(apart_m: Floats, reach_m: Floats, other_m: Floats, radii_m: Floats) -> Floats:
-    """Gaps (T,) of two bodies whose roots are `apart_m` (T, 2), by the reach (T, J, 2) of their joints."""
+def _gaps_m(apart_m: Floats, reach_m: Floats, radii_m: Floats) -> Floats:
+    """Gaps (T,) of two bodies whose roots are `apart_m` (T, 2).
+
+    `reach_m` (2, T, J, 2) is that of their joints from the roots, and `radii_m` (2, J) are around them.
+    """
     distance = np.linalg.norm(apart_m, axis=-1)
     towards = (apart_m / np.maximum(distance, 1e-9)[:, None])[:, :, None]
-    reach = ((reach_m @ towards)[..., 0] + radii_m).max(axis=1)
-    back = ((-other_m @ towards)[..., 0] + radii_m).max(axis=1)
+    reach = ((reach_m[0] @ towards)[..., 0] + radii_m[0]).max(axis=1)
+    back = ((-reach_m[1] @ towards)[..., 0] + radii_m[1]).max(axis=1)
     gaps_m: Floats = distance - reach - back
     return gaps_m
 

@@ -32,6 +32,8 @@ from choreograph.plan import Plan
 from choreograph.render.scene import DancedParts, of_height, on_stage
 from choreograph.scene_plan import HEIGHTS, DancerPart, PlannedDancer, ScenePlan
 
+_USUAL_FLESH_M = 0.125  # of the mannequin, around its bones
+_USUAL_GIRTH = 1.25  # a body up to this is as wide as the mannequin
 _HEIGHTS = (1.0, 0.96, 1.04, 0.98, 1.02, 0.94)  # of the bodies of pairs, from the leader's on
 _HIDDEN_BARS = 2
 _MOST_TRIES = 6  # to keep the finished bodies apart, whose feet may stay behind
@@ -75,6 +77,14 @@ class SceneRequest:
         return len(self.names) if self.is_free else 1
 
 
+@dataclass(frozen=True)
+class BodySize:
+    """How large a dancer is, relative to the mannequin of the repertoire."""
+
+    height: float
+    girth: float = 1.0  # how far its skin is from its bones
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedScene:
     """A plan, and what it looks like."""
@@ -88,10 +98,10 @@ def plan_scene(
     request: SceneRequest,
     dances: Sequence[tuple[Motion, Plan]],
     features: SongFeatures,
-    heights: Sequence[float],
+    sizes: Sequence[BodySize],
     report: ProgressReport | None = None,
 ) -> PlannedScene:
-    """Plan a scene around `n_dances` dances, the leader's first, with the heights (N,) of the dancers.
+    """Plan a scene around `n_dances` dances, the leader's first, with the sizes (N,) of the dancers.
 
     Raises `ParameterError` for a part of the song that the song does not have.
     """
@@ -115,7 +125,7 @@ def plan_scene(
         )
         for index in range(len(names))
     ]  # fmt: skip
-    bodies = _bodies(all_parts, heights, dances, report)
+    bodies = _bodies(all_parts, sizes, dances, report)
     bars_s = np.diff(features.counts.downbeat_times_s)
     bar_s = float(np.median(bars_s)) if len(bars_s) else _USUAL_BAR_S
     symmetric = all(one.kind == "mirror" for one in related)
@@ -129,7 +139,7 @@ def plan_scene(
         )
         dancers = tuple(
             PlannedDancer(
-                name, heights[index], all_parts[index], times_s,
+                name, sizes[index].height, all_parts[index], times_s,
                 tuple(paths.places_m[:, index, 0].tolist()), tuple(paths.places_m[:, index, 1].tolist()),
             )
             for index, name in enumerate(names)
@@ -138,20 +148,23 @@ def plan_scene(
             on_stage(DancedParts(body.motion, body.contacts), replace(dancer, height=1.0))
             for body, dancer in zip(bodies, dancers, strict=True)
         ]
-        gap_m = least_gap_m(made)
+        gap_m = least_gap_m(made, [size.girth for size in sizes])
         if gap_m >= LEAST_GAP_M:
             break
         margin_m += LEAST_GAP_M - gap_m + 0.01
     return PlannedScene(ScenePlan(plans, dancers), tuple(made), _notes(paths, gap_m))
 
 
-def heights_of(n: int, characters: Sequence[GltfCharacter], skeleton: Skeleton) -> list[float]:
-    """The heights of the bodies, relative to the skeleton: those of characters, whose steps then fit.
+def sizes_of(n: int, characters: Sequence[GltfCharacter], skeleton: Skeleton) -> list[BodySize]:
+    """The sizes of the bodies, with heights relative to the skeleton. Those of characters have their steps.
+
+    A character whose skin is more than 1.25 times as far from its bones as that of the mannequin, because it
+    is large or wide, is as much wider where dancers are kept apart. All others are as wide as the mannequin.
 
     Raises `ParameterError` for a character that is far larger or smaller.
     """
     if not characters:
-        return [_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)] for index in range(n)]
+        return [BodySize(_HEIGHTS[pair_of(index, n) % len(_HEIGHTS)]) for index in range(n)]
     sizes = [character.leg_m / leg_length_m(skeleton) for character in characters]
     for character, size in zip(characters, sizes, strict=True):
         if not HEIGHTS[0] <= size <= HEIGHTS[1]:
@@ -159,7 +172,12 @@ def heights_of(n: int, characters: Sequence[GltfCharacter], skeleton: Skeleton) 
                 f"{character.document.name}: expected a character of {HEIGHTS[0]:g} to {HEIGHTS[1]:g} times "
                 f"the size of the takes, got {size:.2f}: is it in centimetres?"
             )
-    return [round(sizes[index % len(sizes)], 4) for index in range(n)]
+    girths = [character.flesh_m / _USUAL_FLESH_M for character in characters]
+    bodies = [
+        BodySize(round(size, 4), round(girth, 2) if girth > _USUAL_GIRTH else 1.0)
+        for size, girth in zip(sizes, girths, strict=True)
+    ]
+    return [bodies[index % len(bodies)] for index in range(n)]
 
 
 def _notes(paths: StagePaths, gap_m: float) -> tuple[str, ...]:
@@ -177,19 +195,19 @@ def _notes(paths: StagePaths, gap_m: float) -> tuple[str, ...]:
 
 def _bodies(
     all_parts: Sequence[tuple[DancerPart, ...]],
-    heights: Sequence[float],
+    sizes: Sequence[BodySize],
     dances: Sequence[tuple[Motion, Plan]],
     report: ProgressReport | None,
 ) -> list[StageBody]:
-    """The dancers before they go anywhere. Those with the same parts and height are one object."""
+    """The dancers before they go anywhere. Those with the same parts and size are one object."""
     motions, known = [motion for motion, _ in dances], {}
-    made: dict[tuple[tuple[DancerPart, ...], float], StageBody] = {}
-    for index, (parts, height) in enumerate(zip(all_parts, heights, strict=True)):
+    made: dict[tuple[tuple[DancerPart, ...], BodySize], StageBody] = {}
+    for index, (parts, size) in enumerate(zip(all_parts, sizes, strict=True)):
         if report is not None:
             report("dancing together", index, len(all_parts))
         if parts not in known:
             known[parts] = DancedParts.of(parts, motions, dances[0][1])
-        if (parts, height) not in made:
+        if (parts, size) not in made:
             one = known[parts]
-            made[parts, height] = StageBody(of_height(one.motion, height), one.contacts)
-    return [made[pair] for pair in zip(all_parts, heights, strict=True)]
+            made[parts, size] = StageBody(of_height(one.motion, size.height), one.contacts, size.girth)
+    return [made[pair] for pair in zip(all_parts, sizes, strict=True)]

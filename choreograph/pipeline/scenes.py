@@ -31,7 +31,7 @@ from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import DEFAULTS, Dance, dance
 from choreograph.pipeline.figures import danced_figures, figures_of_parts
-from choreograph.pipeline.scene_planning import SceneRequest, dancer_names, heights_of, plan_scene
+from choreograph.pipeline.scene_planning import SceneRequest, dancer_names, plan_scene, sizes_of
 from choreograph.pipeline.session import Session
 from choreograph.plan import Plan
 from choreograph.render.rendering import render, take_motions, with_edit
@@ -157,6 +157,8 @@ def scene(
 
     The dance of the leader is made as by `dance`. The others dance it in a relation, and all go to the places
     of the formation at the borders of phrases. No two bodies come nearer than 0.6 m, or a note says how near.
+    The body of a character is at least as wide as the mannequin, and wider if its skin is more than 1.25 times
+    as far from its bones.
 
     Parameters
     ----------
@@ -200,8 +202,8 @@ def scene(
         session.song, session.repertoire, beats=beats, genre=genres[0] if genres else None,
         keep=settings.get("cache", config.cache), memory=session._memory,
     )  # fmt: skip
-    heights = heights_of(len(request.names), known, dances[0].motion.skeleton)
-    made = plan_scene(request, [(one.motion, one.plan) for one in dances], features, heights, report)
+    sizes = sizes_of(len(request.names), known, dances[0].motion.skeleton)
+    made = plan_scene(request, [(one.motion, one.plan) for one in dances], features, sizes, report)
     given: dict[str, Any] = dict(settings)
     if "weights" in given:
         given["weights"] = {**config.weights, **as_weights(given["weights"])}

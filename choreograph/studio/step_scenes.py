@@ -18,8 +18,8 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.scene_planning import (
     PlannedScene,
     SceneRequest,
-    heights_of,
     plan_scene,
+    sizes_of,
 )
 from choreograph.pipeline.scenes import Scene, planned_requests, scene_of
 from choreograph.plan import Plan
@@ -51,11 +51,11 @@ class StagedScene:
 
     @default_numerics()
     def scene(self, song_path: Path | None, character: GltfCharacter | None) -> Scene:
-        """The scene as it is written, on a character or on mannequins. Raises as `heights_of`."""
+        """The scene as it is written, on a character or on mannequins. Raises as `sizes_of`."""
         planned, characters = self.planned, [] if character is None else [character]
         if characters:
-            heights = heights_of(len(self.request.names), characters, self.dances[0][0].skeleton)
-            planned = plan_scene(self.request, self.dances, self.features, heights)
+            sizes = sizes_of(len(self.request.names), characters, self.dances[0][0].skeleton)
+            planned = plan_scene(self.request, self.dances, self.features, sizes)
         asked = [(one.genre, one.bans, one.dance_config()) for one in self.asked]
         requests = planned_requests(planned.plan.dances, asked)
         plan = replace(planned.plan, requests=requests)
@@ -95,8 +95,8 @@ class StepScenes:
         asked = (project.root(step).settings, *others)
         made = (dance, *self._danced(others, make))
         dances = tuple((one.motion, one.plan) for one in made)
-        heights = heights_of(len(request.names), (), dance.motion.skeleton)
-        planned = plan_scene(request, dances, features, heights, report)
+        sizes = sizes_of(len(request.names), (), dance.motion.skeleton)
+        planned = plan_scene(request, dances, features, sizes, report)
         if report is not None:
             report("showing the dancers", 0, 0)
         first, *rest = planned.motions

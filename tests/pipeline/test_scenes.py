@@ -18,12 +18,14 @@ from choreograph.core.counts import counts_later_s
 from choreograph.evaluation.metrics import scene as of_scene
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_rig import SkinPoints
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.cameras import plan_cameras
 from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.retargeting import leg_length_m
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.pipeline.scene_planning import BodySize, sizes_of
 from choreograph.pipeline.scene_saving import scene_paths
 
 SCHEMA = json.loads(
@@ -262,7 +264,7 @@ def test_pictures_show_all_dancers(made, tmp_path):
 
 
 def test_bodies_that_cannot_be_kept_apart_are_noted(song, repertoire, monkeypatch):
-    monkeypatch.setattr("choreograph.pipeline.scene_planning.least_gap_m", lambda motions: 0.41)
+    monkeypatch.setattr("choreograph.pipeline.scene_planning.least_gap_m", lambda *_: 0.41)
     scene = cg.scene(song, repertoire, dancers=2, duration_s=6, **SETTINGS)
     assert any(note.startswith("bodies come as near as 0.41 m, not 0.6 m") for note in scene.notes)
     monkeypatch.undo()
@@ -299,6 +301,39 @@ def test_characters_of_other_sizes_are_at_their_places(song, repertoire, tmp_pat
     write_character(tmp_path / "giant.glb", Spec(VRM, size=3.0, along="", vrm=True))
     with pytest.raises(cg.ParameterError, match=r"giant.glb: expected a character of 0.5 to 2 times"):
         cg.scene(song, repertoire, dancers=2, characters=[tmp_path / "giant.glb"], duration_s=4, **SETTINGS)
+
+
+def test_large_characters_are_kept_farther_apart(song, repertoire, tmp_path):
+    """Their flesh is as much thicker. The same characters without a skin are planned as thin as mannequins."""
+    size = 1.9
+    write_character(tmp_path / "large.glb", Spec(VRM, size=size, along="", vrm=True))
+    (tmp_path / "places.json").write_text("[[-0.9, 0], [0.9, 0]]")
+    large = cg.read_character(tmp_path / "large.glb")
+    bare = replace(large, skin=SkinPoints(np.zeros((0, 3)), np.zeros(0, np.int64)))
+    least_m = {}
+    for name, character in (("large", large), ("bare", bare)):
+        scene = cg.scene(
+            song, repertoire, dancers=2, formation=str(tmp_path / "places.json"), characters=[character],
+            duration_s=8, **SETTINGS,
+        )  # fmt: skip
+        pos_m = np.array([body_pos_m(motion) for motion in scene.motions])
+        least_m[name] = size * of_scene.gaps_m(pos_m / size).min()  # of capsules that are as much thicker
+    assert least_m["large"] >= 0.6 > least_m["bare"]
+
+
+def test_only_large_or_wide_characters_have_a_girth(tmp_path):
+    skeleton = canonical_skeleton()
+    for size in (0.8, 1.0, 1.2, 1.6):
+        write_character(tmp_path / "a.glb", Spec(VRM, size=size, along="", vrm=True))
+        character = cg.read_character(tmp_path / "a.glb")
+        (found,) = sizes_of(1, [character], skeleton)
+        assert found == BodySize(
+            pytest.approx(size, rel=0.02), 1.0 if size < 1.5 else pytest.approx(size, rel=0.05)
+        )
+        if size == 1.0:
+            pos_m = character.skin.pos_m * [1.0, 1.0, 2.0]  # twice as deep from chest to back
+            (wide,) = sizes_of(1, [replace(character, skin=SkinPoints(pos_m, character.skin.bone))], skeleton)
+            assert wide.height == found.height and 1.3 < wide.girth < 2.2
 
 
 def test_a_camera_films_all_dancers_in_a_glb(made, tmp_path):

@@ -61,7 +61,7 @@ def test_all_dancers_are_drawn(opened, folder):
 
 
 def test_the_order_of_dancers_is_not_seen(opened, tmp_path):
-    """Ten of one colour: the shadows of the last two are in another row of the texture than those of the first."""
+    """Ten of one colour. The last two have their shadows in another row of the texture than the others."""
     places_m = [(2.0 * (index % 5) - 4.0, -0.9 * (index // 5)) for index in range(10)]
     motions = [
         DANCE.moved(yaw_rad=float(index), shift_m=np.array([x, 0.0, z]))
@@ -114,10 +114,13 @@ def test_a_mesh_of_less_detail_has_the_same_extent_colours_and_joints(opened, fo
         "colours": ["Uint8Array", np.repeat(200 * side, 3)],
         "indices": ["Uint32Array", corners],
     }
-    mesh = ", ".join(f"{name}: {kind}.from({values.ravel().tolist()})" for name, (kind, values) in given.items())
+    mesh = ", ".join(
+        f"{name}: {kind}.from({values.ravel().tolist()})" for name, (kind, values) in given.items()
+    )
     found = page.evaluate(
         f"""(() => {{ {scripts}
-        return Object.fromEntries(Object.entries(coarseMesh({{ {mesh} }})).map(([k, v]) => [k, [...v]])); }})()"""
+        const found = Object.entries(coarseMesh({{ {mesh} }}));
+        return Object.fromEntries(found.map(([name, values]) => [name, [...values]])); }})()"""
     )
     places_m, indices = np.array(found["places"]).reshape(-1, 3), np.array(found["indices"])
     assert 40 < len(places_m) == len(found["weights"]) < 150

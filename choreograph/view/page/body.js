@@ -7,7 +7,8 @@ const CELL_M = 0.05; // vertices in such a cube that face one way become one in 
 const FACING = 100; // of 127: a smaller part of a normal faces no way
 
 export class Body {
-  constructor(mesh) { Object.assign(this, { mesh, skin: new Skin(mesh) }); }
+  // apart: of which vertices one is enough for a shadow, which is blurred.
+  constructor(mesh, apart) { Object.assign(this, { mesh, apart, skin: new Skin(mesh) }); }
 
   upload(gl) {
     const { mesh, skin } = this;
@@ -18,11 +19,11 @@ export class Body {
       normals: attribute(gl, "aNormal", skin.normals, 3, gl.FLOAT),
     };
     attribute(gl, "aColour", mesh.colours, 3, gl.UNSIGNED_BYTE);
-    this.points = gl.createVertexArray(); // every second vertex, enough for a shadow that is blurred
+    this.points = gl.createVertexArray();
     gl.bindVertexArray(this.points);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.places);
     gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 24, 0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 12 * this.apart, 0);
     gl.bindVertexArray(this.surface);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.indices, gl.STATIC_DRAW);
@@ -43,9 +44,10 @@ export class Body {
     gl.drawElements(gl.TRIANGLES, this.mesh.indices.length, gl.UNSIGNED_INT, 0);
   }
 
-  drawPoints(gl, everySecond) {
-    gl.bindVertexArray(everySecond ? this.points : this.surface);
-    gl.drawArrays(gl.POINTS, 0, this.mesh.weights.length >> (everySecond ? 1 : 0));
+  // The vertices, or some of them.
+  drawPoints(gl, some) {
+    gl.bindVertexArray(some ? this.points : this.surface);
+    gl.drawArrays(gl.POINTS, 0, Math.floor(this.mesh.weights.length / (some ? this.apart : 1)));
   }
 }
 

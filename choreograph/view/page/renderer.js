@@ -26,10 +26,10 @@ export class Renderer {
     const { canvas } = gl;
     Object.assign(this, { gl, canvas, resolution });
     const meshes = [mesh].flat();
-    this.bodies = meshes.map((one) => new Body(one));
+    this.bodies = meshes.map((one) => new Body(one, 2));
     // In software rendering, several bodies are drawn with less detail where they are small.
     const isCrowd = resolution.slowMachine && meshes.length > 1;
-    this.coarse = isCrowd ? meshes.map((one) => new Body(coarseMesh(one))) : null;
+    this.coarse = isCrowd ? meshes.map((one) => new Body(coarseMesh(one), 3)) : null;
     this.rim = [0.3, 0.3, 0.3];
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => { this.#build(); this.draw(this.last); });

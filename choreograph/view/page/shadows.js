@@ -1,11 +1,11 @@
-// Soft shadows of the bodies on the floor. Each has a square of one texture, all of which is blurred at once.
+// Soft shadows of the bodies on the floor. Each has a square of one texture, so that all are made at once.
 
 import { clamp } from "./math.js";
 import { BLUR_FRAGMENT, BLUR_VERTEX, GROUND_VERTEX, SHADE_FRAGMENT, SHADOW_FRAGMENT, SHADOW_VERTEX } from "./shaders.js";
 import { program, shape, target } from "./webgl.js";
 
 const SIZE = 80; // texels of a square
-const GAP = 5; // texels between two squares, the reach of the blur
+const GAP = 6; // texels between two squares, the reach of the blur
 const IN_ROW = 8; // squares
 const HALF_M = 1.5;
 const MARGIN_M = 0.45; // margin of a shadow around that of the joints, for the flesh and the blur radius
@@ -32,7 +32,7 @@ export class Shadows {
     return [p[0] - this.slide[0] * p[1] * 0.5, p[2] - this.slide[1] * p[1] * 0.5, HALF_M];
   }
 
-  // Make the shadows of bodies. quick: of half of their points.
+  // Make the shadows of bodies. quick: of some of their points.
   make(bodies, dancers, quick) {
     const { gl, shadow, blur, targets, size } = this;
     gl.disable(gl.DEPTH_TEST);
@@ -50,16 +50,22 @@ export class Shadows {
       body.drawPoints(gl, quick);
     });
     gl.disable(gl.BLEND);
+    gl.enable(gl.SCISSOR_TEST);
     gl.viewport(0, 0, ...size);
     gl.useProgram(blur.program);
     gl.uniform1i(blur.uSource, 0);
     gl.bindVertexArray(this.empty);
-    for (const [from, to, step] of [[0, 1, [1, 0]], [1, 0, [0, 1]]]) {
+    // Across with the rows that are then blurred along.
+    for (const [from, to, step, more] of [[0, 1, [1, 0], GAP], [1, 0, [0, 1], 0]]) {
       gl.bindFramebuffer(gl.FRAMEBUFFER, targets[to].frame);
       gl.bindTexture(gl.TEXTURE_2D, targets[from].texture);
       gl.uniform2f(blur.uStep, step[0] / size[0], step[1] / size[1]);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
+      dancers.forEach((dancer, i) => {
+        gl.scissor(...this.#texels(i, dancer, more));
+        gl.drawArrays(gl.TRIANGLES, 0, 3);
+      });
     }
+    gl.disable(gl.SCISSOR_TEST);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
   }
 
@@ -76,6 +82,15 @@ export class Shadows {
     }
     left = clamp(left, -1, 1); right = clamp(right, -1, 1); back = clamp(back, -1, 1); front = clamp(front, -1, 1);
     return [(left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2];
+  }
+
+  // The texels of that part, with more rows at both ends: [x, y, width, height].
+  #texels(i, dancer, more) {
+    const [x, z, width, depth] = this.#bounds(dancer, this.#centre(dancer)), [left, low] = this.#corner(i);
+    const texel = (at) => clamp(((at + 1) / 2) * SIZE, 0, SIZE);
+    const [first, end] = [Math.floor(texel(x - width)), Math.ceil(texel(x + width))];
+    const [from, to] = [Math.floor(texel(z - depth)) - more, Math.ceil(texel(z + depth)) + more].map((v) => clamp(v, 0, SIZE));
+    return [left + first, low + from, end - first, to - from];
   }
 
   // Draw the shadows over the floor. Depth is not written, since they lie in its plane.
