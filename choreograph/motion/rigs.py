@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -99,8 +100,11 @@ def rest_pose_is_upright(skeleton: Skeleton) -> bool:
 @lru_cache(maxsize=256)
 def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int]:
     parts: dict[tuple[str, str], int] = {}  # (side, part) -> the joint nearest the root
-    for joint, name in enumerate(names):
-        parts.setdefault(_side_and_part(name), joint)
+    named = [_side_and_part(name) for name in names]
+    counts = Counter(named)
+    for joint, part in enumerate(named):
+        if part[1] != "palm" or counts[part] == 1:  # Rigify has one below each finger, beside its hand
+            parts.setdefault(part, joint)
     roles = _named_limbs(parts)
     missing = [role for role in REQUIRED if role not in roles]
     if missing:
@@ -112,8 +116,8 @@ def _roles(names: tuple[str, ...], parents: tuple[int, ...]) -> Mapping[str, int
         found = [parts[("", name)] for name in _MIDDLE_NAMES[role] if ("", name) in parts]
         if found:
             roles[role] = found[0]
-    named = [parts[("", name)] for name in _MIDDLE_NAMES["pelvis"] if ("", name) in parts]
-    roles |= trunk_roles(parents, roles, named)
+    pelvises = [parts[("", name)] for name in _MIDDLE_NAMES["pelvis"] if ("", name) in parts]
+    roles |= trunk_roles(parents, roles, pelvises)
     if "head" not in roles:
         roles |= _unnamed_head(names, parents, roles)
     elif "neck" not in roles:

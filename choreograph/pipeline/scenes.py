@@ -157,8 +157,8 @@ def scene(
 
     The dance of the leader is made as by `dance`. The others dance it in a relation, and all go to the places
     of the formation at the borders of phrases. No two bodies come nearer than 0.6 m, or a note says how near.
-    The body of a character is at least as wide as the mannequin, and wider if its skin is more than 1.25 times
-    as far from its bones.
+    A character is taken to be as wide as the mannequin, and wider if its skin is more than 1.25 times as far
+    from its bones.
 
     Parameters
     ----------

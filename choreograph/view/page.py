@@ -1,6 +1,6 @@
 """The preview page: one HTML file with the dance, its song and a player, for any browser, offline.
 
-The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and what it imports, 600 lines). A
+The page has its own small WebGL renderer for the mannequin (`page/renderer.js` and its imports, 600 lines). A
 general engine would add 0.2 MB to every page to draw one skinned body, a floor and a shadow. Characters of
 users, which have materials of any kind, are drawn by three.js (`page_data`).
 

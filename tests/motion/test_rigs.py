@@ -181,3 +181,19 @@ def test_a_face_is_no_head():
     parents = [*body.parents, head, len(names), len(names) + 1]
     rig = Skeleton((*names, *face), np.array(parents), np.zeros((len(names) + 3, 3)))
     assert joint_roles(rig)["head"] == head and joint_roles(rig)["neck"] == body.names.index("neck")
+
+
+@pytest.mark.parametrize("palms", [1, 4])
+def test_of_several_palms_none_is_the_hand(palms):
+    """Rigify has one below each finger, beside the bone of the hand, where the wrist is."""
+    body = canonical_skeleton()
+    ends = [body.names.index(f"{side}_hand") for side in ("left", "right")]
+    called = {f"{side}_wrist": f"hand.{side[0].upper()}" for side in ("left", "right")}
+    names = [called.get(name, name) for name in body.names]
+    names[ends[0]], names[ends[1]] = "palm.01.L", "palm.01.R"
+    more = [f"palm.0{number}.{side}" for side in "LR" for number in range(2, palms + 1)]
+    wrists = [body.names.index(f"{side}_wrist") for side in ("left", "right")]
+    parents = [*body.parents, *(wrists["LR".index(name[-1])] for name in more)]
+    roles = joint_roles(Skeleton((*names, *more), np.array(parents), np.zeros((len(parents), 3))))
+    assert [roles["left_wrist"], roles["right_wrist"]] == wrists
+    assert [roles.get("left_hand"), roles.get("right_hand")] == (ends if palms == 1 else [None, None])

@@ -304,7 +304,7 @@ def test_characters_of_other_sizes_are_at_their_places(song, repertoire, tmp_pat
 
 
 def test_large_characters_are_kept_farther_apart(song, repertoire, tmp_path):
-    """Their flesh is as much thicker. The same characters without a skin are planned as thin as mannequins."""
+    """Their flesh is as much thicker. Without a skin, they are planned as thin as mannequins."""
     size = 1.9
     write_character(tmp_path / "large.glb", Spec(VRM, size=size, along="", vrm=True))
     (tmp_path / "places.json").write_text("[[-0.9, 0], [0.9, 0]]")
