@@ -74,6 +74,7 @@ _SCALE, _HALF = np.float32(1.0 / len(BODY_JOINTS)), np.float32(0.5)
     "Tuple((int32[::1], float32[::1]))(int64[::1], int64[::1], bool_, float32[::1], float32[::1], "
     f"float32[:,::1], float32[:,::1], float32[::1], {_BEFORE}, {_NODES}, {_OF_COSTS})",
     nogil=True,
+    error_model="numpy",
 )
 def cheapest_edges(
     block: AnyInts, part: AnyInts, paired: bool, beyond: F32, most: F32, poses: F32, velocities: F32,
@@ -101,24 +102,37 @@ def cheapest_edges(
     steer = constants[2], constants[3]
     has_usage = weights[5] != 0.0 and usage_s.shape[1] > 0
     rows, edges = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
+    starts, stays, enters, bounds = starts_part[part], stay[part], enter[part], bound[part]
+    sq, velocity_sq, speeds = first_sq[part], first_velocity_sq[part], first_speed[part]
+    of_pairs, velocities_of_pairs = poses.reshape(poses.size), velocities.reshape(velocities.size)
+    sums = np.empty(len(part), np.float32)  # of the first terms
     for r in range(len(block)):
         i = block[r]
         turn, end_turn = (cos_turn[i], sin_turn[i]), (cos_end[i], sin_end[i])
-        for c in range(r if paired else 0, r + 1 if paired else len(part)):
-            j, k = part[c], 0 if paired else c
-            continues = next_part[i] == starts_part[j]
-            total = weights[0] * (stay[j] if continues else np.float32(1.0))
-            if weights[1] != 0.0:
-                total += weights[1] * distance_from_product(poses[r, k], last_sq[i], first_sq[j], _SCALE)
-            if weights[2] != 0.0:
-                change = distance_from_product(
-                    velocities[r, k], last_velocity_sq[i], first_velocity_sq[j], _SCALE
-                )
-                total += weights[2] * (change / (_HALF * (last_speed[i] + first_speed[j]) + _STILL))
-            if weights[3] != 0.0 and not continues:
-                total += weights[3] * (_HALF * (leave[i] + enter[j]))
-            if np.float64(beyond[r] + total) + bound[j] > most[c]:
+        following, last, last_velocity = next_part[i], last_sq[i], last_velocity_sq[i]
+        product, product_velocity = poses[r], velocities[r]
+        if paired:
+            product, product_velocity = of_pairs, velocities_of_pairs
+        # Several edges are evaluated by one instruction, since these loops have no branches. Indices that may
+        # be negative, and divisions that may raise an error, would be branches.
+        first, stop = np.uint64(r if paired else 0), np.uint64(r + 1 if paired else len(part))
+        for c in range(first, stop):
+            sums[c] = weights[0] * (stays[c] if following == starts[c] else np.float32(1.0))
+        if weights[1] != 0.0:
+            for c in range(first, stop):
+                sums[c] += weights[1] * distance_from_product(product[c], last, sq[c], _SCALE)
+        if weights[2] != 0.0:
+            for c in range(first, stop):
+                change = distance_from_product(product_velocity[c], last_velocity, velocity_sq[c], _SCALE)
+                sums[c] += weights[2] * (change / (_HALF * (last_speed[i] + speeds[c]) + _STILL))
+        if weights[3] != 0.0:
+            for c in range(first, stop):
+                jump = weights[3] * (_HALF * (leave[i] + enters[c]))
+                sums[c] += np.float32(0.0) if following == starts[c] else jump
+        for c in range(first, stop):
+            if np.float64(beyond[r] + sums[c]) + bounds[c] > most[c]:
                 continue
+            j, total, continues = part[c], sums[c], following == starts[c]
             if weights[4] != 0.0:
                 front = turned_cost(
                     continues, turn, end_turn, (cos_start[j], sin_start[j]), steer,

@@ -176,12 +176,14 @@ def _vectorised_costs(
     """Write the costs of going from beginning `i` to some nodes, without those of words, to `total` (N,).
 
     The nodes are those from `first` to `stop`. The loops have no branches, so that several nodes are
-    evaluated by one instruction. The first one is `turned_cost`. For literals it would be compiled once more.
+    evaluated by one instruction. An index that may be negative would be a branch. The first loop is
+    `turned_cost`. For literals it would be compiled once more.
     """
+    begin, beyond = np.uint64(first), np.uint64(stop)
     constant, steer_cos, steer_sin, continued = constants[0], constants[2], constants[3], next_part[i]
     turn_cos, turn_sin, end = np.cos(turn_rad[i]), np.sin(turn_rad[i]), turn_rad[i] + end_rad[i]
     end_cos, end_sin = np.cos(end), np.sin(end)
-    for j in range(first, stop):
+    for j in range(begin, beyond):
         joined_cos = end_cos * starts[0, j] + end_sin * starts[1, j]
         joined_sin = end_sin * starts[0, j] - end_cos * starts[1, j]
         side = steer_sin if joined_sin >= 0 else -steer_sin
@@ -196,18 +198,18 @@ def _vectorised_costs(
         cost += series[2, j] * (2.0 * cosine * cosine - 1.0) + series[3, j] * (2.0 * sine * cosine)
         total[j] = weights[0] * np.float32(max(cost, 0.0) + rotated)
     if weights[1] != 0.0 and usage_s.shape[1] > 0:
-        for j in range(first, stop):
+        for j in range(begin, beyond):
             total[j] += weights[1] * ((usage_s[i, take[j]] + rest_s[j]) * PER_USAGE)
     if weights[2] != 0.0 and len(form_weight):
-        for j in range(first, stop):
+        for j in range(begin, beyond):
             form[j] = np.float32(0.0)
         for m in range(len(form_weight)):
             danced, returns, weight = seen_danced[i, m], is_return[m], form_weight[m]
-            for j in range(first, stop):
+            for j in range(begin, beyond):
                 away = abs(danced - places[m, j])
                 wrong = away > SAME_FRAMES if returns else away <= SAME_FRAMES
                 form[j] += weight if wrong else np.float32(0.0)
-        for j in range(first, stop):
+        for j in range(begin, beyond):
             total[j] += weights[2] * form[j]
 
 
