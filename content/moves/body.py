@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import gaussian_filter1d
 
+from choreograph.core.banded import solve_symmetric
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
@@ -24,10 +26,14 @@ from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Side
 _SKELETON = canonical_skeleton()
 _INDEX = {name: i for i, name in enumerate(_SKELETON.names)}
 _LEG_M = float(sum(np.linalg.norm(_SKELETON.offsets_m[_INDEX[j]]) for j in ("left_knee", "left_ankle")))
-_REACH = 0.998  # of a leg's length: nearer to straight, a leg does not quite reach its foot
+_REACH = 0.9965  # of a leg's length: nearer to straight, a leg does not quite reach its foot
 _STANDING_M = float(_SKELETON.offsets_m[0][1])  # pelvis over the floor on straight legs
 _GLIDE_S = 0.03  # smooths the path of the weight
-_SETTLE_S = 0.05  # over this time the pelvis is lowered into the reach of the legs
+_PUSH_M_S2 = 14.0  # the pelvis is caught and pushed up by at most this
+_CATCH_S = 0.35  # before and after a deep point
+_SOFTLY_S = 0.025  # smooths the path of the pelvis
+_KNEE_S = 0.04  # over about this time, the knee of a leg in the air changes its speed
+_OUT_OF_REACH = 0.999  # of a leg's length
 _HEEL_RAD, _HEEL_S = np.radians(np.arange(0.0, 21.0, 2.5)), 0.05
 _FLAT_RAD = 1e-3  # a foot that turns less is flat
 _FLAT_S = 0.3  # after a foot has landed
@@ -67,7 +73,9 @@ def animate(
     _arms(local, ch, fps)
     clear_trunk(local, root, fps)
     for side in SIDES:
-        _leg(local, root, side, feet[side])
+        hip_pos = root + rot.rotate(root_quat, _SKELETON.offsets_m[_INDEX[f"{side}_hip"]])
+        feet[side] = _softly_bent(feet[side], hip_pos, fps)
+        _leg(local, hip_pos, side, feet[side])
     return Motion(_SKELETON, root, rot.make_continuous(local), fps), feet
 
 
@@ -146,10 +154,20 @@ def _pelvis_pos(
         [_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0
     )
     at_most = np.min([_highest(pos, root_quat, side, feet[side], _REACH) for side in SIDES], axis=0)
-    width = max(1, round(_SETTLE_S * fps))
-    limit = gaussian_filter1d(minimum_filter1d(limit, 2 * width + 1), 0.6 * width, truncate=2.0)
-    pos[:, 1] = np.minimum(_soft_min(wanted, limit), at_most)
+    pos[:, 1] = np.minimum(_soft_min(wanted, _caught(limit, fps)), at_most)
     return pos
+
+
+def _caught(limit: Floats, fps: float) -> Floats:
+    """A height (T,) below `limit` that is caught before a deep point and pushed up after it.
+
+    It accelerates upwards by at most `_PUSH_M_S2`: the lowest of the parabolas that stand on the limit.
+    """
+    frames = round(_CATCH_S * fps)
+    padded = np.pad(limit, frames, mode="edge")
+    apart_s = np.arange(-frames, frames + 1) / fps
+    height = np.min(sliding_window_view(padded, 2 * frames + 1) + 0.5 * _PUSH_M_S2 * apart_s**2, axis=-1)
+    return gaussian_filter1d(height, _SOFTLY_S * fps)
 
 
 def _heel_raised(
@@ -180,7 +198,7 @@ def _highest(pos: Floats, root_quat: Floats, side: str, foot: FootPath, reach: f
     return gap[:, 1] + np.sqrt(level)
 
 
-def _soft_min(a: Floats, b: Floats, width: float = 0.01) -> Floats:
+def _soft_min(a: Floats, b: Floats, width: float = 0.005) -> Floats:
     return 0.5 * (a + b - np.sqrt((a - b) ** 2 + width**2))
 
 
@@ -235,13 +253,45 @@ def _delayed(values: Floats, frames: float) -> Floats:
     return np.interp(at - frames, at, values)
 
 
-def _leg(local: Floats, root: Floats, side: str, foot: FootPath) -> None:
+def _softly_bent(foot: FootPath, hip_pos: Floats, fps: float) -> FootPath:
+    """The path of a foot that moves nearer to the hip (T, 3) or farther, so that its knee has no jerk.
+
+    A straight leg bends by 40 degrees as its foot comes nearer by a tenth. A foot on the floor does not move,
+    and none goes below it.
+    """
+    thigh, shin = (float(np.linalg.norm(_SKELETON.offsets_m[_INDEX[f"left_{j}"]])) for j in ("knee", "ankle"))
+    gap = foot.ankle_m() - hip_pos
+    apart = np.linalg.norm(gap, axis=-1)  # (T,)
+    cos = (apart**2 - thigh**2 - shin**2) / (2.0 * thigh * shin)
+    room = foot.over_floor_m()
+    still = foot.planted | ((foot.pitch_rad < 0.0) & (room < 1e-3))
+    bent = _smoothed(np.arccos(np.clip(cos, -1.0, 1.0)), np.where(still, 1e4, 1.0), (_KNEE_S * fps) ** 4)
+    wanted = np.sqrt(thigh**2 + shin**2 + 2.0 * thigh * shin * np.cos(np.clip(bent, 0.0, 2.6)))
+    down = np.maximum(-gap[:, 1] / apart, 0.2)
+    wanted = np.minimum(wanted, apart + np.maximum(room, 0.0) / down)
+    fixed = still | (apart > _OUT_OF_REACH * _LEG_M)
+    nearer = np.where(fixed, 0.0, wanted / apart - 1.0)
+    return replace(foot, ball_m=foot.ball_m + nearer[:, None] * gap)
+
+
+def _smoothed(values: Floats, weights: Floats, stiffness: float) -> Floats:
+    """The values (T,) that have the least weighted squared errors and `stiffness` times squared bends."""
+    second = np.array([1.0, -2.0, 1.0])
+    bands = np.zeros((3, len(values)))
+    for i in range(len(second)):
+        for j in range(i, len(second)):
+            stop = len(values) - len(second) + 1 + i
+            bands[j - i, i:stop] += stiffness * second[i] * second[j]
+    bands[0] += weights
+    return solve_symmetric(bands, weights * values)
+
+
+def _leg(local: Floats, hip_pos: Floats, side: str, foot: FootPath) -> None:
     """Hip, knee, ankle and toes such that the foot follows its path and the knee is over the toes."""
     hip, knee, ankle, toes = (_INDEX[f"{side}_{j}"] for j in ("hip", "knee", "ankle", "foot"))
     pelvis_yaw = rot.yaw(local[:, 0])
     turned_out = (foot.yaw_rad - pelvis_yaw + np.pi) % (2 * np.pi) - np.pi
     knee_yaw = rot.about_y(pelvis_yaw + np.clip(0.85 * turned_out, -1.2, 1.2))  # (T, 4)
-    hip_pos = root + rot.rotate(local[:, 0], _SKELETON.offsets_m[hip])
     bent = rot.multiply(knee_yaw, rot.from_rotvec(np.array([_BENT_RAD, 0.0, 0.0])))
     thigh = rot.multiply(knee_yaw, rot.from_rotvec(np.array([-_BENT_RAD, 0.0, 0.0])))
     knee_pos = hip_pos + rot.rotate(thigh, _SKELETON.offsets_m[knee])

@@ -58,6 +58,15 @@ class FootPath:
         """World positions (T, 3) of the ankle."""
         return self.ball_m - rot.rotate(self.foot_quat(), BALL_FROM_ANKLE_M)
 
+    def over_floor_m(self) -> Floats:
+        """Height (T,) of the lower one of ball and heel over the floor."""
+        ball = self.ball_m[:, 1]
+        return np.minimum(ball - BALL_OVER_FLOOR_M, ball + _heel_over_ball_m(self.pitch_rad))
+
+
+def _heel_over_ball_m(pitch: Floats) -> Floats:
+    return _HEEL_FROM_BALL_M[1] * np.cos(pitch) - _HEEL_FROM_BALL_M[2] * np.sin(pitch)
+
 
 def _turned(yaw: Floats, pitch: Floats) -> Floats:
     zero = np.zeros_like(pitch)
@@ -144,8 +153,7 @@ def _settled(
 ) -> FootPath:
     """The path with heel and toes kept above the floor: toes up rests on the heel, heel up on flat toes."""
     toes_up = np.minimum(pitch, 0.0)
-    heel_y = -_HEEL_FROM_BALL_M[2] * np.sin(toes_up) + _HEEL_FROM_BALL_M[1] * np.cos(toes_up)
-    over_floor = np.maximum(BALL_OVER_FLOOR_M, -heel_y * (toes_up < 0))
+    over_floor = np.maximum(BALL_OVER_FLOOR_M, -_heel_over_ball_m(toes_up) * (toes_up < 0))
     ball = np.stack([xz[:, 0], over_floor + height, xz[:, 1]], axis=-1)  # (T, 3)
     droop = np.maximum(pitch, 0.0) * np.clip((height - 0.03) / 0.08, 0.0, 0.8)
     still = planted & (pitch >= 0.0)

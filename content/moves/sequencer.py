@@ -19,7 +19,7 @@ from content.moves.figures import Figure, Manner
 from content.moves.keyframes import PlacedMove, build_keyframes
 from content.moves.notation import Move, Side, varied
 
-STAGE_M = 2.0  # soft limit of the distance of a home from the middle
+STAGE_M = 2.0  # soft limit of the distance of a home from the middle, for most genres
 _EASY_S = 0.5  # duration of a count at which steps have their written size
 _LARGEST, _LARGEST_FIGURE = 1.25, 1.4  # at larger sizes, kicks and lunges are out of reach
 _RETURNS = 0.3  # how often two bars are danced again, on the other side
@@ -37,6 +37,7 @@ class Genre:
     figures: tuple[Figure, ...] = ()
     manner: Manner = _MANNER  # of its figures
     steer_deg: float = 20.0  # spread of the turn that is added to a figure
+    stage_m: float = STAGE_M
     bar: int = 4  # counts
     size: float = 1.0
     sharpness: float = 0.4  # at middle energy
@@ -163,7 +164,7 @@ def _next_phrase(
     again = _two_bars_before(genre, placed, count)
     if again and rng.random() < _RETURNS:
         phrase = _phrase(genre, again, placed, count, counts_s, energies, rng)
-        if phrase and _cost(phrase) < _TOO_FAR:
+        if phrase and _cost(phrase, genre.stage_m) < _TOO_FAR:
             return phrase
     options = [
         phrase
@@ -176,7 +177,7 @@ def _next_phrase(
     if not options:
         raise ParameterError(f"{genre.name}: no other move can follow {placed[-1].move.name}")
     used = [sum(p.move.name == phrase[0].move.name for p in placed) for phrase in options]
-    odds = np.exp([-_cost(phrase) - 0.9 * n for phrase, n in zip(options, used, strict=True)])
+    odds = np.exp([-_cost(phrase, genre.stage_m) - 0.9 * n for phrase, n in zip(options, used, strict=True)])
     return options[rng.choice(len(options), p=odds / odds.sum())]
 
 
@@ -238,9 +239,10 @@ def _danced(genre: Genre, written: Move | Figure, mirrored: bool, rng: np.random
     return move.mirrored() if mirrored else move
 
 
-def _cost(phrase: list[PlacedMove]) -> float:
+def _cost(phrase: list[PlacedMove], stage_m: float) -> float:
     """Cost of a phrase: it leaves the stage, or ends with the dancer turned away."""
     ends = [p.end() for p in phrase]
     out = max(float(np.hypot(*origin)) for origin, _ in ends)
     turned = abs((ends[-1][1] + np.pi) % (2 * np.pi) - np.pi)
-    return 6.0 * max(0.0, out - 0.75 * STAGE_M) + 0.5 * float(np.hypot(*ends[-1][0])) + 0.3 * turned
+    from_middle = float(np.hypot(*ends[-1][0])) / stage_m
+    return 6.0 * max(0.0, out - 0.75 * stage_m) + from_middle + 0.3 * turned

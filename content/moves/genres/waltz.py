@@ -100,11 +100,11 @@ FIGURES = (
 
 MANNER = Manner(
     arms=(("frame_up", "frame_round"), ("frame_up", "frame_low")),
-    changes=(3.0, 6.0),
-    varies=0.3,
+    changes=(6.0, 12.0),
+    varies=0.2,
     turns_vary_deg=10.0,
     swaps_arms=False,
-    levels_m=(0.05, -0.02, -0.045),
+    levels_m=(0.07, -0.01, -0.05),
     ball_deg=20.0,
     twist_deg=9.0,
     side_deg=0.0,
@@ -112,7 +112,7 @@ MANNER = Manner(
     toe_out_deg=8.0,
     swing=0.98,
     glides=True,
-    lift_m=0.065,
+    lift_m=0.055,
 )
 
 WALTZ = Genre(
@@ -123,7 +123,8 @@ WALTZ = Genre(
     sharpness=0.2,
     bounce=0.0,
     size=1.42,
-    steer_deg=30.0,
+    steer_deg=15.0,
+    stage_m=4.0,
     carriage=Carriage(
         to_go=0.9,
         through=0.8,
@@ -136,9 +137,9 @@ WALTZ = Genre(
         chest_against=1.0,
         shoulders_against=-0.4,
         lean=-15.0,
-        lean_into=4.2,
-        posture=7.8,
-        left_behind=3.0,
+        lean_into=3.0,
+        posture=8.7,
+        left_behind=0.8,
         sway=-3.6,
         head_still=-0.7,
         head_drag=2.5,
@@ -146,6 +147,6 @@ WALTZ = Genre(
         arm_swing=1.0,
         arm_drag_s=0.02,
         arm_throw=0.0,
-        arm_play=1.7,
+        arm_play=1.2,
     ),
 )

@@ -17,7 +17,7 @@ from choreograph.motion.body import body_pos_m, mirrored
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import mean_joint_speed_m_s, motion_beat_times_s
 from content.moves.genres import GENRES
-from content.moves.sequencer import STAGE_M, RenderedTake, render, render_take, sequence_moves
+from content.moves.sequencer import RenderedTake, render, render_take, sequence_moves
 
 pytestmark = pytest.mark.slow
 
@@ -87,7 +87,7 @@ def test_two_bars_are_danced_again_on_the_other_side_if_the_feet_allow_it(genre)
 def test_the_dancer_stays_on_stage(genre) -> None:
     for seed in range(4):
         root = lively(genre.name, seed).root_pos_m
-        assert np.hypot(root[:, 0], root[:, 2]).max() < STAGE_M + 0.8
+        assert np.hypot(root[:, 0], root[:, 2]).max() < genre.stage_m + 0.8
 
 
 @every_genre
@@ -136,8 +136,8 @@ def test_energy_makes_it_livelier(genre) -> None:
     def speed(motions: list[Motion]) -> float:
         return np.mean([np.median(mean_joint_speed_m_s(body_pos_m(m), LOW_FPS)) for m in motions])
 
-    soft = [render_take(genre, BEATS_S, energy=0.0, seed=seed, fps=LOW_FPS).motion for seed in range(3)]
-    assert speed([lively(genre.name, seed) for seed in range(3)]) > 1.2 * speed(soft)
+    soft = [render_take(genre, BEATS_S, energy=0.0, seed=seed, fps=LOW_FPS).motion for seed in range(6)]
+    assert speed([lively(genre.name, seed) for seed in range(6)]) > 1.2 * speed(soft)
 
 
 @every_genre
@@ -170,7 +170,7 @@ def test_fast_swing_leaves_the_triples_out() -> None:
 def test_size_scales_steps_but_not_home() -> None:
     move = GENRES["disco"].moves[0]
     small, big = (render(sequence_moves([move], size=s), BEATS_S[:4], rng=None) for s in (0.6, 1.2))
-    reach = [np.ptp(r.feet["left"].ball_m[:, 0]) for r in (small, big)]
+    reach = [np.ptp(foot.ball_m[foot.planted, 0]) for foot in (small.feet["left"], big.feet["left"])]
     assert reach[1] == pytest.approx(2 * reach[0], rel=1e-6)
     np.testing.assert_allclose(small.feet["left"].ball_m[0], big.feet["left"].ball_m[0], atol=1e-9)
 
