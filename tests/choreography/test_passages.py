@@ -254,7 +254,7 @@ def test_long_sequences_are_those_of_takes_but_dances_are_not_copies(starter, ge
             [n_gram_share(motifs_of(request_of(
                 starter, [genre], metre=metre, n_counts=120, seed=seed, phrase_counts=phrase_counts
             )), takes_of(starter), n) for n in (4, 8)]
-            for seed in range(5)
+            for seed in range(16)
         ]
         for phrase_counts in (1, 8)
     }  # fmt: skip

@@ -18,7 +18,7 @@ from choreograph.music.form import Sections
 def known(request):
     """A built-in take and its true counts."""
     starter = cg.starter_repertoire()
-    index = starter.take_index(f"{request.param}-02")  # of some takes, the network reads another count 1
+    index = starter.take_index(f"{request.param}-04")  # of some takes, the network reads another count 1
     return starter.motion(index)[0], starter.counts(index)
 
 
