@@ -49,10 +49,9 @@ _SAME_STYLE = 0.4  # least cosine. It is up to 0.37 in songs spliced from two ge
 _SEGMENT_S = 4  # seconds that the style of a second describes
 _SHARPNESS = 10.0  # factor of the mean loss in the softmax that gives the probability of a genre
 # What people dance to a song that is like none of the others. It is danced where the probability of the
-# likely genre is below `_UNSURE`, unless its mean loss is larger by more than `_DEFAULT_LOSS`. Of 45 unseen
-# synthetic songs, this changes two of pop, which were danced as funk. Of 21 recorded ballroom songs, it
-# changes a rumba, which was danced as contemporary.
-_DEFAULT_GENRE, _UNSURE, _DEFAULT_LOSS = "pop", 0.55, 0.25
+# likely genre is below `_UNSURE`, unless its mean loss is larger by more than `_DEFAULT_LOSS`: of synthetic
+# songs, more than that makes pop of all disco. Of 40 recorded ballroom songs, it changes one.
+_DEFAULT_GENRE, _UNSURE, _DEFAULT_LOSS = "pop", 0.55, 0.05
 
 
 @dataclass(frozen=True)
