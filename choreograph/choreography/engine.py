@@ -55,7 +55,9 @@ class DanceRequest:
     kept: KeptDance | None = None  # its kept parts replace what is planned there
     report: ProgressReport | None = None  # of the progress
     memory: Memory = NO_MEMORY  # of values for this repertoire
-    costs_later: bool = False  # whether the costs of seconds may be missing from the plan: `EngineResult`
+    # Shows a plan that the engine has early and rarely changes. If it is given, the costs of seconds may be
+    # missing from the plan: `EngineResult`.
+    likely: Callable[[Plan], None] | None = None
 
     @property
     def danced_span_s(self) -> tuple[float, float]:

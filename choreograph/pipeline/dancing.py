@@ -364,9 +364,16 @@ def _danced(
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
     if kept is not None and kept.plan is not None and "candidates" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
+    shown: list[Plan] = []
+
+    def show(plan: Plan) -> None:
+        """Render a likely plan, whose motion is then in the memory, and show its first part."""
+        shown.append(plan)
+        render_planned(plan, repertoire, memory, first=first)
+
     request = DanceRequest(
         song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory,
-        costs_later=first is not None,
+        likely=show if first is not None and kept is None and memory.is_on else None,
     )  # fmt: skip
     if kept is None:
         result = engine.plan(request)
@@ -376,6 +383,7 @@ def _danced(
             if song_features.duration_s > LONG_S and not memory.is_on:
                 repertoire.forget_rows()  # of clips, which have 70 MB
             rendering = substage(report, "rendering")
+            first = None if shown else first
             motion = render_planned(result.plan, repertoire, memory, report=rendering, first=first)
         result = result.with_costs()
     else:

@@ -24,7 +24,8 @@ class FirstPart:
     """The part of a dance from one time to another, and what gets its motion, with the time of its start.
 
     The part is that of the finished dance, except that its floor and the shifts of its feet are found without
-    the rest of the dance. They differ by some millimetres.
+    the rest of the dance. They differ by some millimetres. It may be shown before a search has ended that
+    rarely changes the dance.
     """
 
     start_s: float

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from choreograph.choreography.constraints import Keep
+from choreograph.choreography.graph.local_search import CheapNodes
 from choreograph.core.numerics import Memory
 from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.dancing import dance_with
@@ -70,6 +72,38 @@ def test_a_dance_whose_first_part_is_told_is_planned_and_explained_as_any(song, 
     assert all(second.costs for second in made.plan.seconds)
     assert made.motion.local_quat.tobytes() == plain.motion.local_quat.tobytes()
     assert len(told) == 1
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_a_part_is_told_before_the_local_search_which_may_change_the_dance(
+    song, repertoire, monkeypatch, changes
+):
+    told, told_before = [], []
+    improved = CheapNodes.improved
+
+    def searched(nodes, path):
+        told_before.append(len(told))
+        return improved(nodes, path) if changes else path
+
+    monkeypatch.setattr(CheapNodes, "improved", searched)
+    first = FirstPart(4.0, 7.0, lambda *part: told.append(part))
+    made = dance_with(Memory(10**7), song, repertoire, first=first)
+    plain = dance_with(Memory(10**7), song, repertoire)
+    assert told_before == [1, 1] and len(told) == 1
+    assert made.plan == plain.plan and made.notes == plain.notes
+    assert made.motion.local_quat.tobytes() == plain.motion.local_quat.tobytes()
+    [(part, from_s)] = told
+    same = made.motion.sliced(round(from_s * part.fps), round(from_s * part.fps) + part.n_frames)
+    apart_m = np.linalg.norm(body_pos_m(part) - body_pos_m(same), axis=-1).mean()
+    assert (apart_m > 0.02) if changes else (apart_m < 2e-3)
+
+
+def test_a_kept_dance_has_no_part_that_is_told(song, repertoire, dance):
+    told = []
+    first = FirstPart(1.0, 3.0, lambda *part: told.append(part))
+    given = {"existing": dance, "keep": [Keep(0.0, 4.0)]}
+    made = dance_with(Memory(10**7), song, repertoire, first=first, **given)
+    assert made.plan == dance_with(Memory(10**7), song, repertoire, **given).plan and not told
 
 
 def test_few_runs_before_the_end_of_a_part_are_assembled_first(dance, repertoire):

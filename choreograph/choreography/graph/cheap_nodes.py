@@ -82,16 +82,25 @@ class CheapSoFar:
             self._edge_cost.append(self._coming.result())
             self._coming = None
 
-    def improved(self, keys: Sequence[int]) -> list[Layer]:
-        """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second."""
+    def improved(self, keys: Sequence[int], likely: Callable[[list[Layer]], None] | None) -> list[Layer]:
+        """The nodes of the path with these `keys`, or of a cheaper one through the nodes of every second.
+
+        `likely` first gets the nodes of the path with these keys.
+        """
         self._keep_edges()
-        path = [self._include(second, key) for second, key in enumerate(keys)]
+        path = np.array([self._include(second, key) for second, key in enumerate(keys)])
+        if likely is not None:
+            likely(self._path(path))
         return_memory(self._source.n_seconds)
         cheap = CheapNodes.of(self._nodes, self._costs, self._song_features, self._edge_cost)
-        found = cheap.improved(np.array(path))
+        found = cheap.improved(path)
         del cheap
         self._edge_cost.clear()  # which are large, before the nodes of the path are made
         return_memory(self._source.n_seconds)
+        return self._path(found)
+
+    def _path(self, found: NDArray[np.int64]) -> list[Layer]:
+        """The nodes of a path by their indices (S,)."""
         if self._has_poses:
             rows = zip(self._nodes, found.tolist(), strict=True)
             return [layer.subset(slice(node, node + 1)) for (layer, _), node in rows]

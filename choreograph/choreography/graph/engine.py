@@ -110,14 +110,12 @@ class GraphEngine:
         if note := _unaligned_note(request):
             notes = (*notes, note)
         goals, goal_notes = _goals(request)
-        path, weights = _search_path(request, goals)
-        costs_later = request.costs_later and not constraints.constrains_motifs and not config.bound
+        costs_later = request.likely is not None and not constraints.constrains_motifs and not config.bound
+        path, weights = _search_path(request if costs_later else replace(request, likely=None), goals)
         plan = _to_plan(path, weights, request, with_costs=not costs_later)
         if plan.least_cost is not None:
             costs = f"the plan costs {plan.total_cost:.1f}, and no plan costs less than {plan.least_cost:.1f}"
             notes = (*notes, costs)
-        if config.transitions == "beats":
-            plan = with_transitions_on_counts(plan, request)
         motion = None
         if constraints.constrains_motifs:
             with_words = partial(_with_words, plan, repertoire, request.memory)
@@ -286,25 +284,34 @@ def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[P
 
 
 def _plan_path(source: LayerSource, costs: list[WeightedCost], request: DanceRequest) -> Path:
+    def show(nodes: list[Layer]) -> None:
+        if request.likely is not None:
+            unreported = replace(request, report=None)
+            request.likely(_to_plan(Path(tuple(nodes), tuple), {}, unreported, with_costs=False))
+
     planner, report = request.config.planner, substage(request.report, "planning")
     if planner == "motion-graph":
         return plan_motion_graph(source, costs, request.song_features, report=report)
     if planner == "greedy":
         return plan_greedy(source, costs, request.song_features, report=report)
     with_bound = request.config.bound
-    path: Path = plan_exact(source, costs, request.song_features, with_bound=with_bound, report=report)
+    path: Path = plan_exact(
+        source, costs, request.song_features, with_bound=with_bound, report=report, likely=show
+    )
     return path
 
 
 def _to_plan(path: Path, weights: dict[str, float], request: DanceRequest, *, with_costs: bool) -> Plan:
+    """The plan of a path, with its transitions."""
     of_seconds = _costs_of(path) if with_costs else [{}] * len(path.nodes)
     seconds = [
         _planned_second(node, costs, request) for node, costs in zip(path.nodes, of_seconds, strict=True)
     ]
     least = None if path.least_total is None else round(path.least_total, _COST_DECIMALS)
-    return request.new_plan(
+    plan = request.new_plan(
         engine=GraphEngine.name, weights=weights, seconds=tuple(seconds), least_cost=least
     )
+    return with_transitions_on_counts(plan, request) if request.config.transitions == "beats" else plan
 
 
 def _costs_of(path: Path) -> list[dict[str, float]]:

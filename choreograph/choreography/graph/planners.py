@@ -56,14 +56,15 @@ def plan_exact(
     *,
     with_bound: bool = False,
     report: StepReport | None = None,
+    likely: Callable[[list[Layer]], None] | None = None,
 ) -> Path:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
 
     The paper plans greedily (section 3.3). With costs that depend on the path (`Cost.of_path`), the result is
     not always the cheapest path. They are evaluated along the cheapest path found to each node, as in a beam
     search with the width of a layer, and `local_search` then improves the path. It never costs more than that
-    of `plan_greedy` on the same layers. `with_bound` searches once more, without the costs that depend on the
-    path, for a lower bound of all paths.
+    of `plan_greedy` on the same layers. `likely` gets the nodes of the path before that. `with_bound`
+    searches once more, without the costs that depend on the path, for a lower bound of all paths.
 
     Raises `NoPathError` naming the second if no path is allowed, `ParameterError` if a cost returns nan, a
     wrong shape, or an edge below its own lower bound.
@@ -71,7 +72,7 @@ def plan_exact(
     of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
     cheap = CheapSoFar(source, costs, song_features) if of_path else None
     keys, total = _search(source, costs, song_features, cheap, report)
-    nodes = [source.node(key) for key in keys] if cheap is None else _improved(cheap, keys)
+    nodes = [source.node(key) for key in keys] if cheap is None else _improved(cheap, keys, likely)
     path = _path_along(nodes, costs, song_features)
     if not with_bound:
         return path
@@ -123,9 +124,11 @@ def _search(
     return keys, float(reached.min())
 
 
-def _improved(cheap: CheapSoFar, keys: Sequence[int]) -> list[Layer]:
+def _improved(
+    cheap: CheapSoFar, keys: Sequence[int], likely: Callable[[list[Layer]], None] | None
+) -> list[Layer]:
     """`CheapSoFar.improved`, a stage of its own in `tests/benchmarks`."""
-    return cheap.improved(keys)
+    return cheap.improved(keys, likely)
 
 
 def plan_greedy(
