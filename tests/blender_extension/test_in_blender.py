@@ -207,9 +207,12 @@ def test_again_leaves_one_of_each_and_the_users_own(seen):
         assert [name for name, *_ in state["strips"]] == ["house", "mine"] and state["sounds"] == 2
         assert set(state["texts"]) - {"rig_ui.py"} == {"house credits", "mine"}  # Rigify makes that one
         assert [20, "mine"] in state["markers"]
-    assert [m for m in again["markers"] if m[1].startswith("bar")] == [
-        m for m in danced["markers"] if m[1].startswith("bar")
-    ]
+    assert bars(again) == bars(danced) and len(bars(danced)) == 4
+
+
+def bars(state):
+    """The markers of bars. One on which a take begins names the take as well."""
+    return [(frame, name.split(",")[0]) for frame, name in state["markers"] if name.startswith("bar")]
 
 
 @with_one_rig

@@ -136,8 +136,8 @@ def test_energy_makes_it_livelier(genre) -> None:
     def speed(motions: list[Motion]) -> float:
         return np.mean([np.median(mean_joint_speed_m_s(body_pos_m(m), LOW_FPS)) for m in motions])
 
-    soft = [render_take(genre, BEATS_S, energy=0.0, seed=seed, fps=LOW_FPS).motion for seed in range(6)]
-    assert speed([lively(genre.name, seed) for seed in range(6)]) > 1.2 * speed(soft)
+    soft = [render_take(genre, BEATS_S, energy=0.0, seed=seed, fps=LOW_FPS).motion for seed in range(4)]
+    assert speed([lively(genre.name, seed) for seed in range(4)]) > 1.2 * speed(soft)
 
 
 @every_genre
