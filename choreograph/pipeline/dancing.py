@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -19,7 +19,7 @@ from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPi
 from choreograph.choreography.enforcement import AvoidRepeating
 from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engine_named
 from choreograph.choreography.graph.cost import Cost
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
+from choreograph.choreography.graph.costs import check_weights_used
 from choreograph.choreography.material import choose_material, missing_from_plan
 from choreograph.choreography.slots import resolve
 from choreograph.choreography.song_analysis import analyse_song
@@ -314,7 +314,7 @@ def _configured(
     given: dict[str, Any] = dict(settings)
     if "weights" in given:
         weights = as_weights(given["weights"])
-        _check_weights_used(given.get("planner", config.planner), weights)
+        check_weights_used(given.get("planner", config.planner), weights)
         given["weights"] = {**config.weights, **weights}
     config = changed(config, given, other_names=DanceArguments.__annotations__)
     if "engine" not in given:
@@ -322,17 +322,6 @@ def _configured(
     used = {*given, "costs"} if costs else set(given)
     check_settings(engine_named(config.engine), config, used)
     return config
-
-
-def _check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
-    """Raise `ParameterError` for the weight of a cost that the planner leaves out."""
-    unused = {cost.name for cost in BUILTIN_COSTS} - {Transition.name}
-    given = sorted(unused & set(weights))
-    if planner == "motion-graph" and given:
-        raise ParameterError(
-            f"expected the planner exact or greedy with a weight of {given[0]!r}, got motion-graph, which "
-            "uses only transition, stillness and your own costs"
-        )
 
 
 @one_thread()
@@ -383,8 +372,8 @@ def _danced(
             if song_features.duration_s > LONG_S and not memory.is_on:
                 repertoire.forget_rows()  # of clips, which have 70 MB
             rendering = substage(report, "rendering")
-            first = None if shown else first
-            motion = render_planned(result.plan, repertoire, memory, report=rendering, first=first)
+            unshown = None if shown else first
+            motion = render_planned(result.plan, repertoire, memory, report=rendering, first=unshown)
         result = result.with_costs()
     else:
         result, motion = fill(request, engine)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -384,3 +384,14 @@ def own_costs(config: DanceConfig, costs: Sequence[Cost], engine: str) -> tuple[
         )
     weights = resolve_weights(config.weights, names)
     return tuple(WeightedCost(cost, weights[cost.name]) for cost in every)
+
+
+def check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
+    """Raise `ParameterError` for the weight of a cost that the planner leaves out."""
+    unused = {cost.name for cost in BUILTIN_COSTS} - {Transition.name}
+    given = sorted(unused & set(weights))
+    if planner == "motion-graph" and given:
+        raise ParameterError(
+            f"expected the planner exact or greedy with a weight of {given[0]!r}, got motion-graph, which "
+            "uses only transition, stillness and your own costs"
+        )
