@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.motion import Motion
@@ -53,3 +54,11 @@ def stepping(n_frames: int, *, fps: float = 30.0, period_s: float = 0.5, seed: i
     rotvec = turn[:, None, None] * swing  # (T, J, 3)
     root = np.array([0.0, 0.9, 0.0]) + turn[:, None] * np.array([0.08, 0.01, 0.05])
     return Motion(skeleton, root, rot.make_continuous(rot.from_rotvec(rotvec)), fps)
+
+
+def standing_body(n_frames: int) -> np.ndarray:
+    """Body positions (T, 21, 3) of the canonical skeleton at rest: it faces +Z, with its left at +X."""
+    skeleton = canonical_skeleton()
+    quat = np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, skeleton.n_joints, 1))
+    root = np.tile([0.0, skeleton.offsets_m[0][1], 0.0], (n_frames, 1))
+    return body_pos_m(Motion(skeleton, root, quat, 20.0))

@@ -36,7 +36,9 @@ USUAL_COUNT_S = 0.5  # where a take has no counts
 _SAME_LEGS_M = 0.03  # mean distance of the joints of the legs in the bars of one figure
 _HELD_M_S = 0.1
 _LONGEST_LAG_S = 0.5
-_LEGS = [BODY_JOINTS.index(f"{s}_{j}") for s in ("left", "right") for j in ("hip", "knee", "ankle", "foot")]
+LEG_JOINTS = [
+    BODY_JOINTS.index(f"{s}_{j}") for s in ("left", "right") for j in ("hip", "knee", "ankle", "foot")
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +170,7 @@ def _head(window: Window) -> Floats:
     return window.facing_joint("head") - window.facing_joint("neck")
 
 
-def _from_mean(values: Floats) -> Floats:
+def from_mean(values: Floats) -> Floats:
     """Values without slow changes over two seconds, so that turns do not count."""
     slow: Floats = uniform_filter1d(values, 2 * NET_FPS, mode="nearest")
     return values - slow
@@ -179,7 +181,8 @@ def _ratio(values: Floats) -> float:
     return float(np.percentile(values, 95) / max(float(np.median(values)), 1e-3))
 
 
-def _correlation(one: Floats, other: Floats) -> float:
+def correlation(one: Floats, other: Floats) -> float:
+    """The correlation of values (T,) with others, or 0 where one of the two is constant."""
     if min(one.std(), other.std()) < 1e-6:
         return 0.0
     return float(np.corrcoef(one, other)[0, 1])
@@ -200,8 +203,8 @@ def _leg_copies(window: Window) -> float:
         weight = (frames - low)[:, None, None]
         at = window.facing[low] * (1 - weight) + window.facing[np.minimum(low + 1, stop - 1)] * weight
         poses.append(at)
-    legs = [pose[:, _LEGS] for pose in poses]
-    other = [mirrored(pose)[:, _LEGS] for pose in poses]
+    legs = [pose[:, LEG_JOINTS] for pose in poses]
+    other = [mirrored(pose)[:, LEG_JOINTS] for pose in poses]
 
     def is_copied(index: int) -> bool:
         return any(
@@ -264,11 +267,11 @@ def _weight_shift(window: Window) -> float:
 
 def _chest_lag_s(window: Window) -> float:
     """By how much the yaw of the chest follows that of the hips, where they agree best."""
-    hips, chest = (np.gradient(_from_mean(_yaw_deg(window, part))) for part in ("hip", "shoulder"))
+    hips, chest = (np.gradient(from_mean(_yaw_deg(window, part))) for part in ("hip", "shoulder"))
     most = round(_LONGEST_LAG_S * NET_FPS)
     lags = range(-most, most + 1)
     inner = slice(most, len(hips) - most)
-    best = max(lags, key=lambda lag: _correlation(hips[inner], np.roll(chest, -lag)[inner]))
+    best = max(lags, key=lambda lag: correlation(hips[inner], np.roll(chest, -lag)[inner]))
     return best / NET_FPS
 
 
@@ -277,7 +280,7 @@ def _twist_deg(window: Window) -> float:
 
 
 def _tilt_correlation(window: Window) -> float:
-    return _correlation(_tilt_deg(window, "hip"), _tilt_deg(window, "shoulder"))
+    return correlation(_tilt_deg(window, "hip"), _tilt_deg(window, "shoulder"))
 
 
 def _wrist_to_side_m(window: Window) -> float:
@@ -290,7 +293,7 @@ def _variety_m(window: Window) -> float:
 
 def _arm_symmetry(window: Window) -> float:
     left, right = window.wrists_m[0], window.wrists_m[1] * np.array([-1.0, 1.0, 1.0])
-    return float(np.mean([_correlation(left[:, axis], right[:, axis]) for axis in range(3)]))
+    return float(np.mean([correlation(left[:, axis], right[:, axis]) for axis in range(3)]))
 
 
 def _pose_dimensions(window: Window) -> float:
@@ -340,7 +343,7 @@ MEASURES: dict[str, tuple[str, Callable[[Window], float]]] = {
     "weight over a foot": ("ratio", _weight_shift),
     "rise and fall in 8 counts": ("m", _rise_m),
     "hip tilt, sd": ("°", lambda w: float(_tilt_deg(w, "hip").std())),
-    "hip yaw, sd": ("°", lambda w: float(_from_mean(_yaw_deg(w, "hip")).std())),
+    "hip yaw, sd": ("°", lambda w: float(from_mean(_yaw_deg(w, "hip")).std())),
     "trunk pitch, sd": ("°", lambda w: float(_degrees_from(_trunk(w), 2).std())),
     "trunk pitch, mean": ("°", lambda w: float(_degrees_from(_trunk(w), 2).mean())),
     "trunk roll, sd": ("°", lambda w: float(_degrees_from(_trunk(w), 0).std())),
@@ -350,7 +353,7 @@ MEASURES: dict[str, tuple[str, Callable[[Window], float]]] = {
     "chest after hips": ("s", _chest_lag_s),
     "head pitch, sd": ("°", lambda w: float(_degrees_from(_head(w), 2).std())),
     "head roll, sd": ("°", lambda w: float(_degrees_from(_head(w), 0).std())),
-    "head with trunk": ("r", lambda w: _correlation(_degrees_from(_head(w), 0), _degrees_from(_trunk(w), 0))),
+    "head with trunk": ("r", lambda w: correlation(_degrees_from(_head(w), 0), _degrees_from(_trunk(w), 0))),
     "arm speed, median": ("m/s", lambda w: float(np.median(w.wrist_speed_m_s))),
     "arm speed, 95th percentile over median": ("ratio", lambda w: _ratio(w.wrist_speed_m_s)),
     "arms held": ("share", lambda w: float((w.wrist_speed_m_s < _HELD_M_S).mean())),
