@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -92,14 +92,19 @@ def built_in_takes(repertoire: cg.Repertoire) -> list[tuple[str, str, str, np.nd
     ]
 
 
-def auc(first: Windows, second: Windows, seed: int) -> float:
+def small_net(width: int = 32) -> nn.Module:
+    """The network that tells takes, from velocities (N, 63, T) to scores (N, 1)."""
+    return nn.Sequential(
+        nn.Conv1d(63, width, 5), nn.GELU(), nn.MaxPool1d(2), nn.Conv1d(width, width, 5), nn.GELU(),
+        nn.AdaptiveAvgPool1d(1), nn.Flatten(), nn.Dropout(0.3), nn.Linear(width, 1),
+    )  # fmt: skip
+
+
+def auc(first: Windows, second: Windows, seed: int, net_of: Callable[[], nn.Module] = small_net) -> float:
     """How well takes of `second` are told from those of `first`, on takes that were not trained on."""
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    net = nn.Sequential(
-        nn.Conv1d(63, 32, 5), nn.GELU(), nn.MaxPool1d(2), nn.Conv1d(32, 32, 5), nn.GELU(),
-        nn.AdaptiveAvgPool1d(1), nn.Flatten(), nn.Dropout(0.3), nn.Linear(32, 1),
-    )  # fmt: skip
+    net = net_of()
     sides = [side.of(~side.is_tested) for side in (first, second)]
     weights = [balanced(side.genre) for side in sides]
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-3, weight_decay=1e-2)
