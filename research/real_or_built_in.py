@@ -100,15 +100,24 @@ def small_net(width: int = 32) -> nn.Module:
     )  # fmt: skip
 
 
-def auc(first: Windows, second: Windows, seed: int, net_of: Callable[[], nn.Module] = small_net) -> float:
-    """How well takes of `second` are told from those of `first`, on takes that were not trained on."""
+def auc(
+    first: Windows,
+    second: Windows,
+    seed: int,
+    net_of: Callable[[], nn.Module] = small_net,
+    trainings: int = 1,
+) -> float:
+    """How well takes of `second` are told from those of `first`, on takes that were not trained on.
+
+    The network is trained for `trainings` times as many steps as usual.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
     net = net_of()
     sides = [side.of(~side.is_tested) for side in (first, second)]
     weights = [balanced(side.genre) for side in sides]
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-3, weight_decay=1e-2)
-    for _ in range(STEPS):
+    for _ in range(trainings * STEPS):
         parts = [
             side.velocity[rng.choice(len(side.genre), BATCH // 2, p=weight)]
             for side, weight in zip(sides, weights, strict=True)

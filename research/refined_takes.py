@@ -8,7 +8,8 @@ file. It uses CUDA if there is any (for a trial on the CPU: --width 32 --batch 8
 of networks are trained on every second take by name: a refiner against critics (`research/refiner.py`), a
 regressor that restores the upper body from its smoothed copy, and a diffusion network of the upper body,
 given the legs. Each then refines all built-in takes, which judges tell from real takes. Judges are networks
-of `real_or_built_in.py`, trained anew with three seeds of their own, and a wider one.
+of `real_or_built_in.py`, trained anew with three seeds of their own. Stronger judges are wider, trained
+for longer, or both.
 
 Comparisons: with the real takes on their own bodies; all on the skeleton of the built-in dancers; the same by
 judges that are trained and tested on takes that no refiner saw; CMU and G1 Moves alone; pelvis and legs.
@@ -45,6 +46,7 @@ from research.refiner_training import Adversary, Denoiser, Diffusion, Trained, t
 UNIT_M = 1 / 2500  # of the positions in the file
 CMU, ROBOT = "CMU", "G1 Moves"
 JUDGE_SEEDS = (100, 101, 102)
+LONGER = 4  # times the training of a judge
 BEAT_FPS = 60.0
 
 SETTINGS = (
@@ -120,8 +122,8 @@ def in_sources(windows: Windows) -> Windows:
 
 COMPARISONS = ("own bodies", "one skeleton", "one skeleton, unseen", "street, own bodies")
 PART = "one skeleton, pelvis and legs"
-WIDE = "one skeleton, wide judge"
-ALL = (*COMPARISONS, PART, WIDE)
+STRONGER = ("one skeleton, longer", "one skeleton, wide", "one skeleton, wide, longer")
+ALL = (*COMPARISONS, PART, *STRONGER)
 
 
 def judged(takes: Path, made: Path, comparison: str, seed: int) -> float:
@@ -131,7 +133,8 @@ def judged(takes: Path, made: Path, comparison: str, seed: int) -> float:
     real = real_side(takes, comparison)
     if comparison == PART:
         real, own = only(real, "pelvis and legs"), only(own, "pelvis and legs")
-    return auc(real, own, seed, wide_net if comparison == WIDE else small_net)
+    net_of = wide_net if "wide" in comparison else small_net
+    return auc(real, own, seed, net_of, LONGER if "longer" in comparison else 1)
 
 
 def wide_net() -> torch.nn.Module:
@@ -243,7 +246,7 @@ def refine(given: argparse.Namespace) -> None:
                         path = given.output / f"{len(files)}.npz"
                         files[what] = path
                         save_made(path, positions)
-                        comparisons = ALL if share == 1 else (COMPARISONS[1], WIDE)
+                        comparisons = ALL if share == 1 else (COMPARISONS[1],)
                         jobs[what] = submitted(pool, given.takes, path, comparisons)
         rows = {}
         for what, job in jobs.items():
