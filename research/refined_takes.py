@@ -11,8 +11,9 @@ given the legs. Each then refines all built-in takes, which judges tell from rea
 of `real_or_built_in.py`, trained anew with three seeds of their own. Stronger judges are wider, trained
 for longer, or both.
 
-Comparisons: with the real takes on their own bodies; all on the skeleton of the built-in dancers; the same by
-judges that are trained and tested on takes that no refiner saw; CMU and G1 Moves alone; pelvis and legs.
+Refined takes are compared with the real takes on their own bodies, and with all on the skeleton of the
+built-in dancers. They are also compared by judges that are trained and tested on takes that no refiner saw,
+with CMU and G1 Moves alone, and by pelvis and legs.
 Only networks that are trained on "street" (CMU and G1 Moves) could be shipped.
 """
 

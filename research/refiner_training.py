@@ -110,7 +110,7 @@ class Trained:
     hows: tuple[str, ...] = ("",)
 
     def refined(self, takes: Iterable[np.ndarray], seed: int) -> dict[str, list[np.ndarray]]:
-        """Takes (T, 21, 3) refined in each way that the network knows."""
+        """Takes (T, 21, 3) refined in each way that the network has."""
         torch.manual_seed(1000 + seed)
         takes = list(takes)
         longest = max(map(len, takes))

@@ -64,13 +64,13 @@ def animate(
     spot = gaussian_filter1d(spot, _GLIDE_S * fps, axis=0, mode="nearest")
     load = evaluate(keys.load, tempo.counts(times))[:, 0]
     balls_m = np.stack([feet[side].ball_m for side in SIDES])
-    carry(ch, support_of(load, balls_m, spot, facing, fps), carriage, fps, rng)
+    carry(ch, support_of(load, balls_m, spot, facing, fps), carriage, tempo.counts(times), fps, rng)
     root_quat = _pelvis_quat(facing, ch)
     root = _pelvis_pos(spot, feet, facing, root_quat, load, ch, carriage, fps)
     local = np.tile(rot.IDENTITY, (len(times), _SKELETON.n_joints, 1))  # (T, J, 4)
     local[:, 0] = root_quat
     _spine_and_head(local, ch, fps)
-    _arms(local, ch, fps)
+    _arms(local, ch, carriage.arms_open, fps)
     clear_trunk(local, root, fps)
     for side in SIDES:
         hip_pos = root + rot.rotate(root_quat, _SKELETON.offsets_m[_INDEX[f"{side}_hip"]])
@@ -154,7 +154,7 @@ def _pelvis_pos(
         [_highest(pos, root_quat, side, feet[side], min(carriage.reach, _REACH)) for side in SIDES], axis=0
     )
     at_most = np.min([_highest(pos, root_quat, side, feet[side], _REACH) for side in SIDES], axis=0)
-    pos[:, 1] = np.minimum(_soft_min(wanted, _caught(limit, fps)), at_most)
+    pos[:, 1] = np.minimum(_soft_min(wanted, _caught(limit, fps)), at_most) - ch["sinks"]
     return pos
 
 
@@ -221,7 +221,7 @@ def _spine_and_head(local: Floats, ch: dict[str, Floats], fps: float) -> None:
         local[:, _INDEX[f"{name}_collar"]] = rot.from_rotvec(collar)
 
 
-def _arms(local: Floats, ch: dict[str, Floats], fps: float) -> None:
+def _arms(local: Floats, ch: dict[str, Floats], open_deg: float, fps: float) -> None:
     """Shoulders, elbows and wrists from `Arm.coordinates`. Elbow and hand lag, wrists drag behind."""
     for side in SIDES:
         a = ch[f"{side}_arm"]  # (T, 6)
@@ -234,7 +234,7 @@ def _arms(local: Floats, ch: dict[str, Floats], fps: float) -> None:
         )
         zero = np.zeros_like(wrist)
         turns = {
-            "shoulder": shoulder_quat(a[:, :3]),
+            "shoulder": rot.multiply(rot.about_y(np.radians(open_deg)), shoulder_quat(a[:, :3])),
             "elbow": rot.multiply(_about(zero, -elbow, zero), _about(-0.5 * palm, zero, zero)),
             "wrist": rot.multiply(_about(-0.5 * palm, zero, zero), _about(zero, zero, -wrist)),
             "hand": _about(zero, zero, -0.3 * wrist - 0.12),

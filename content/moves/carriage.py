@@ -22,7 +22,18 @@ _HEAD_HZ, _HEAD_DAMPING = 1.6, 0.65
 _ARM_HZ, _ARM_DAMPING = 1.8, 0.45
 _TRUNK_HZ, _TRUNK_DAMPING = 2.2, 0.6
 _SWAY_HZ = 1.3  # of the shoulders after the hips
+_POINT_VARIES = 0.4  # how far toes point down in the air, relative
+_CHEST_TURNS = 1.2  # by this share of a turn of the hips
 _LOOK_S, _LEAN_S = 0.55, 0.9  # time in which a look and a lean of the trunk go to their next place
+
+
+@dataclass(frozen=True)
+class Toes:
+    """What the toes of a foot do in one step besides what is written."""
+
+    turn_deg: float  # they point further to the left as it lands
+    sweep_deg: float  # and on the way there
+    point_deg: float  # how far they point down on a long way
 
 
 @dataclass(frozen=True)
@@ -33,10 +44,15 @@ class Carriage:
     to_go: float = 0.25  # share of its way that the body has left as a foot lands, per count it may take
     through: float = 0.4  # share of its mean speed at which it passes through the counts
     stoop_m: float = 0.015  # the pelvis below its height on straight legs
+    sinks_m: float = 0.012  # it sinks by this here and there in the course of a phrase, spread
     give_m: float = 0.02  # it sinks by this as a foot takes the weight, and comes up again
+    toes_vary: float = 12.0  # where the toes of a foot point as it lands, spread
+    toes_sweep: float = 25.0  # and on the way there
+    toes_point: float = 43.0  # how far they point down on a long way
     hip_up: float = 3.0  # the hip over the standing leg, degrees
     hip_out_m: float = 0.01  # to the side of the standing leg
     hip_with_feet: float = 14.0  # the hips turn with a stride of half a metre
+    turned: float = 5.0  # hips and chest turn to one side or the other in the course of a phrase, spread
     chest_against: float = 0.5  # share of that turn that the chest makes the other way
     shoulders_against: float = 0.2  # share of the tilt of the hips that the shoulders make the other way
     lean: float = 0.0  # the trunk leans forward
@@ -45,12 +61,24 @@ class Carriage:
     posture: float = 3.8  # the trunk leans here and there in the course of a phrase, spread
     sway: float = 1.2  # of the trunk away from the standing leg
     head_still: float = 0.5  # share of the trunk's lean that the head takes back
+    head_back: float = 0.0  # the head is held back, degrees
     head_drag: float = 1.5  # of the head against the speeding up of the trunk, degrees per m/s²
     looks: float = 6.0  # up, down and to the sides, spread
+    arms_back: float = 0.0  # upper arms are farther back than written, degrees
+    arms_open: float = 0.0  # arms are turned outwards about the vertical through the shoulder
     arm_swing: float = 14.0  # arms against the legs in a stride of half a metre
     arm_drag_s: float = 0.05  # arms stay behind as the chest turns, seconds of its turning
     arm_throw: float = 2.0  # arms stay behind as the body speeds up, degrees per m/s²
     arm_play: float = 5.0  # small movements that never repeat, spread
+
+    def toes(self, rng: np.random.Generator | None) -> Toes:
+        """The toes in the next step. Without `rng`, as written."""
+        if rng is None:
+            return Toes(0.0, 0.0, self.toes_point)
+        turn, sweep, point = rng.standard_normal(3).clip(-2.0, 2.0)
+        return Toes(
+            self.toes_vary * turn, self.toes_sweep * sweep, self.toes_point * (1.0 + _POINT_VARIES * point)
+        )
 
 
 @dataclass(frozen=True)
@@ -90,10 +118,14 @@ def carry(
     ch: dict[str, Floats],
     support: Support,
     carriage: Carriage,
+    counts: Floats,
     fps: float,
     rng: np.random.Generator | None,
 ) -> None:
-    """Add to the channels of `body` what follows from the support. Without `rng`, nothing is random."""
+    """Add to the channels of `body` what follows from the support, with the count (T,) of each frame.
+
+    Without `rng`, nothing is random.
+    """
     stride = np.tanh(support.stride_m / _STRIDE_M)
     deg = np.pi / 180.0
     up = carriage.hip_up * deg * support.load
@@ -108,27 +140,33 @@ def carry(
     pitch, roll = (_followed(deg * values, fps, _TRUNK_HZ, _TRUNK_DAMPING) for values in (pitch, roll))
     over_foot = carriage.sway * deg * support.load + carriage.shoulders_against * up
     roll = roll + _late(over_foot, fps, _SWAY_HZ, _TRUNK_DAMPING)
+    ch["sinks"] = np.zeros(len(counts))
     if rng is not None:
-        pitch = pitch + carriage.posture * deg * _looks(len(pitch), fps, rng, _LEAN_S)
-        roll = roll + 1.2 * carriage.posture * deg * _looks(len(roll), fps, rng, _LEAN_S)
+        pitch = pitch + carriage.posture * deg * _looks(counts, fps, rng, _LEAN_S)
+        roll = roll + 1.2 * carriage.posture * deg * _looks(counts, fps, rng, _LEAN_S)
+        turned = carriage.turned * deg * _looks(counts, fps, rng, _LEAN_S)
+        ch["hip_turn"] = ch["hip_turn"] + turned
+        ch["twist"] = ch["twist"] + _CHEST_TURNS * turned
+        ch["sinks"] = carriage.sinks_m * np.abs(_looks(counts, fps, rng, _LEAN_S))
     ch["bend"] = ch["bend"] + carriage.lean * deg + pitch
     ch["side"] = ch["side"] + roll
-    _carry_head(ch, support, carriage, fps, rng)
+    _carry_head(ch, support, carriage, counts, fps, rng)
     _carry_arms(ch, support, stride, carriage, fps, rng)
 
 
 def _carry_head(
-    ch: dict[str, Floats], support: Support, carriage: Carriage, fps: float, rng: np.random.Generator | None
-) -> None:
+    ch: dict[str, Floats], support: Support, carriage: Carriage, counts: Floats, fps: float,
+    rng: np.random.Generator | None,
+) -> None:  # fmt: skip
     """The head takes back a part of the trunk's lean, later than the trunk, and looks about."""
     deg = np.pi / 180.0
     nod = -carriage.head_still * ch["bend"] - carriage.head_drag * deg * support.acceleration[:, 1]
     tilt = -carriage.head_still * ch["side"] - carriage.head_drag * deg * support.acceleration[:, 0]
-    ch["nod"] = ch["nod"] + _late(nod, fps, _HEAD_HZ, _HEAD_DAMPING)
+    ch["nod"] = ch["nod"] - carriage.head_back * deg + _late(nod, fps, _HEAD_HZ, _HEAD_DAMPING)
     ch["tilt"] = ch["tilt"] + _late(tilt, fps, _HEAD_HZ, _HEAD_DAMPING)
     if rng is not None and carriage.looks:
         for name, share in (("look", 1.6), ("nod", 1.0), ("tilt", 0.8)):
-            ch[name] = ch[name] + share * carriage.looks * deg * _looks(len(nod), fps, rng, _LOOK_S)
+            ch[name] = ch[name] + share * carriage.looks * deg * _looks(counts, fps, rng, _LOOK_S)
 
 
 def _carry_arms(
@@ -148,7 +186,7 @@ def _carry_arms(
     swing = carriage.arm_swing * deg * stride
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         arm = ch[f"{side}_arm"].copy()
-        arm[:, 0] += back + sign * swing
+        arm[:, 0] += back + sign * swing + carriage.arms_back * deg
         arm[:, 1] += sign * drag
         arm[:, 2] += sign * aside
         arm[:, 3] += 0.8 * np.maximum(-back - sign * swing, -0.3)  # an arm that goes forward bends
@@ -176,11 +214,18 @@ def _late(values: Floats, fps: float, hz: float, damping: float) -> Floats:
     return spring_follow(values[:, None], fps, frequency_hz=hz, damping=damping)[:, 0]
 
 
-def _looks(n: int, fps: float, rng: np.random.Generator, way_s: float) -> Floats:
-    """Places that a look or a lean rests at, and eased ways of `way_s` between them, of spread 1, (n,)."""
-    ends = np.cumsum(rng.uniform(0.8, 3.2, int(n / fps / 0.8) + 2)) * fps
-    places = np.append(0.0, rng.standard_normal(len(ends)).clip(-2.0, 2.0))
-    way = ease((np.arange(n)[:, None] - ends) / (way_s * fps))
+def _looks(counts: Floats, fps: float, rng: np.random.Generator, way_s: float) -> Floats:
+    """Places that a look or a lean rests at, and ways between them, of spread 1, (T,).
+
+    A way takes about `way_s` and goes from count to count, so that the body is quiet on each of them.
+    """
+    per_s = float(counts[-1] - counts[0]) / (len(counts) - 1) * fps
+    steps = max(1, round(way_s * per_s))
+    rests_s = rng.uniform(0.8, 3.2, int((len(counts) / fps) / 0.8) + 2)
+    starts = np.floor(counts[0]) + np.cumsum(np.maximum(np.round(rests_s * per_s), steps)) - steps
+    places = np.append(0.0, rng.standard_normal(len(starts)).clip(-2.0, 2.0))
+    after = counts[:, None] - starts
+    way = sum(ease(after - step) for step in range(steps)) / steps
     return places[0] + way @ np.diff(places)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from content.moves.arm_poses import ARMS
-from content.moves.carriage import Carriage
+from content.moves.carriage import Carriage, Toes
 from content.moves.curves import Keyframe
 from content.moves.notation import ARM_CHANNELS, CHANNELS, SIDES, Move, Side, Step
 
@@ -75,6 +75,8 @@ class FootPlant:
     lift_m: float
     bow_m: tuple[float, float]
     in_place: bool  # it turns about its ball or takes weight, without lifting
+    sweep_rad: float = 0.0  # the toes turn to the left by this on the way, and back
+    point_rad: float = 0.0  # how far they point down on a long way
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ def build_keyframes(
     bob = [Keyframe(begin, (0.0,))]
     for p in placed:
         for s in sorted(p.move.steps, key=lambda s: s.count):
-            _add_step(p, s, plants, loads, facing)
+            _add_step(p, s, plants, loads, facing, carriage.toes(rng))
         _add_poses(p, channels, rng)
         bob += _bounces(p)
     for name in ARM_CHANNELS:  # from the first pose on
@@ -152,6 +154,7 @@ def _add_step(
     plants: dict[Side, list[FootPlant]],
     loads: list[WeightShift],
     facing: list[Arrival],
+    toes: Toes,
 ) -> None:
     count = p.start + s.count - 1.0
     standing = plants[s.foot][-1]
@@ -159,7 +162,7 @@ def _add_step(
     x, z, foot_yaw = _foot_place(s.foot, p.to_world(s.at), yaw, s.toe_out)
     across = plants["right" if s.foot == "left" else "left"][-1]
     ball = standing.ball_m if s.in_place else _within_reach((x, z), across.ball_m)
-    foot_yaw = standing.yaw_rad if s.face is None else foot_yaw
+    foot_yaw = standing.yaw_rad if s.face is None else foot_yaw + np.radians(toes.turn_deg)
     turn = rot.rotate(rot.about_y(p.yaw_rad), np.array([s.bow[0], 0.0, s.bow[1]]))
     bow = (turn[0], turn[2])
     if s.bow == (0.0, 0.0) and not s.in_place:
@@ -177,7 +180,7 @@ def _add_step(
     plants[s.foot].append(
         FootPlant(
             count, ball, foot_yaw, np.radians(s.pitch), s.height * p.size, swing, lift,
-            bow, s.in_place,
+            bow, s.in_place, np.radians(toes.sweep_deg), np.radians(toes.point_deg),
         )
     )  # fmt: skip
     if s.weight is None:

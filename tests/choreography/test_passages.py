@@ -265,11 +265,14 @@ def test_long_sequences_are_those_of_takes_but_dances_are_not_copies(starter, ge
 
 @pytest.mark.parametrize("genre", ["house", "hip-hop"])
 def test_passages_have_the_signature_of_their_genre(starter, genre):
-    """Single motifs come to 0.17 and 0.19. Motifs drawn at random by their shares come to 0.26."""
+    """They are nearer to it than motifs that are drawn at random by their shares."""
     wanted = motif_goal(starter.vocabulary, genre=genre).signature
     dances = [motifs_of(request_of(starter, [genre], seed=seed)) for seed in range(5)]
     away = [chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in dances]
-    assert np.mean(away) < 0.18
+    rng = np.random.default_rng(0)
+    drawn = [rng.choice(len(wanted), len(dances[0]), p=wanted / wanted.sum()) for _ in range(100)]
+    chance = [chi_square_distance(signature(motifs, len(wanted)), wanted) for motifs in drawn]
+    assert np.mean(away) < 0.7 * np.mean(chance)
 
 
 def test_of_several_draws_the_one_nearest_to_the_signature_is_danced(starter, monkeypatch):

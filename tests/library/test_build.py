@@ -343,7 +343,7 @@ def test_takes_without_music_are_counted_by_their_motion(tmp_path):
     folder = tmp_path / "takes"
     folder.mkdir()
     beats_s = 0.3 + 0.48 * np.arange(40)
-    save_motion(folder / "a.bvh", render_take(GENRES["disco"], beats_s, seed=123, fps=30.0).motion)
+    save_motion(folder / "a.bvh", render_take(GENRES["disco"], beats_s, seed=126, fps=30.0).motion)
     options = BuildOptions(preset="tiny", words=False)
     built = build_repertoire([folder], tmp_path / "a.h5", options)
     counts = built.repertoire.counts(0)

@@ -5,6 +5,7 @@ The "and" of swung music is late: two thirds of the way to the next count.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import cos, pi, sin
 from typing import Any
 
@@ -366,10 +367,28 @@ SWING = Genre(
     size=1.22,
     sharpness=0.45,
     figures=LINDY_FIGURES,
-    manner=MANNER,
+    manner=replace(
+        MANNER,
+        twist_deg=8.0,
+        side_deg=0.0,
+        look_deg=13.2,
+        lift_m=0.063,
+        ball_deg=17.5,
+        varies=0.16,
+    ),
     steer_deg=30.0,
     carriage=Carriage(
-        to_go=0.5, through=0.5, reach=0.996, stoop_m=0.0, give_m=0.01, hip_up=6.0, hip_out_m=0.02,
-        hip_with_feet=20.0, chest_against=0.7, looks=10.0, arm_swing=14.0, arm_play=8.0, posture=5.5,
+        to_go=0.5, through=0.5, reach=0.9965, stoop_m=-0.02, give_m=0.008, hip_up=6.0, hip_out_m=0.02,
+        hip_with_feet=8.0, chest_against=0.5, looks=10.0, arm_swing=15.2, arm_play=7.2, posture=5.3,
+        sinks_m=0.01,
+        turned=1.0,
+        shoulders_against=0.02,
+        left_behind=1.3,
+        sway=0.8,
+        arms_back=1.2,
+        arms_open=8.0,
+        toes_vary=14.5,
+        toes_point=55.0,
     ),
-)  # fmt: skip
+        bounce=0.96,
+    )  # fmt: skip

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from content.moves.carriage import Carriage
 from content.moves.figures import Figure
-from content.moves.genres.waltz import MANNER, WALTZ
+from content.moves.genres.waltz import MANNER
 from content.moves.notation import pose
 from content.moves.sequencer import Genre
 
@@ -66,12 +67,46 @@ VIENNESE_WALTZ = Genre(
     "Viennese waltz",
     figures=FIGURES,
     manner=replace(
-        MANNER, levels_m=(0.02, -0.005, -0.015), ball_deg=20.0, lift_m=0.045, swing=0.95, twist_deg=10.0
+        MANNER,
+        levels_m=(0.02, -0.005, -0.015),
+        ball_deg=20.0,
+        lift_m=0.045,
+        swing=1.0,
+        twist_deg=10.0,
+        side_deg=-1.0,
+        toe_out_deg=8.6,
+        look_deg=14.0,
+        varies=0.2,
+        turns_vary_deg=10.0,
     ),
     bar=3,
     sharpness=0.2,
-    bounce=0.0,
+    bounce=0.08,
     size=1.3,
     steer_deg=25.0,
-    carriage=WALTZ.carriage,
+    carriage=Carriage(
+        reach=0.9965,
+        to_go=0.9,
+        through=0.8,
+        stoop_m=-0.01,
+        give_m=0.002,
+        toes_point=42.5,
+        hip_up=4.5,
+        hip_out_m=0.025,
+        hip_with_feet=2.0,
+        chest_against=1.0,
+        shoulders_against=-0.4,
+        lean=-15.0,
+        lean_into=3.0,
+        posture=8.9,
+        sway=-3.6,
+        head_still=-0.7,
+        head_drag=2.5,
+        looks=13.5,
+        arms_open=0.3,
+        arm_swing=1.0,
+        arm_drag_s=0.02,
+        arm_throw=0.0,
+        arm_play=1.2,
+    ),
 )

@@ -9,7 +9,7 @@ import pytest
 from body_capsules import depths_m
 
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
-from content.moves.carriage import Carriage
+from content.moves.carriage import Carriage, _looks
 from content.moves.figures import Figure
 from content.moves.notation import Bounce, Move, pose, step, touch
 from content.moves.sequencer import render, sequence_moves
@@ -69,3 +69,47 @@ def test_an_arm_across_the_belly_is_moved_out_of_it() -> None:
     motion = render(sequence_moves([move, move.mirrored()] * 2), COUNTS_S[:8], rng=None).motion
     deep = {pair: depth.max() for pair, depth in depths_m(motion).items() if "torso" in pair}
     assert max(deep.values()) < 0.02
+
+
+def test_looks_and_leans_rest_on_every_count() -> None:
+    fps, counts = 100.0, np.arange(0.0, 60.0, 0.02)  # two counts a second
+    looks = _looks(counts, fps, np.random.default_rng(0), 0.9)
+    speed = np.abs(np.gradient(looks)) * fps
+    on_counts = speed[::50]
+    assert on_counts.max() < 0.02 < 0.5 < speed.max()
+    many = np.concatenate([_looks(counts, fps, np.random.default_rng(seed), 0.9) for seed in range(20)])
+    assert 0.6 < many.std() < 1.2
+
+
+def test_the_pelvis_only_sinks_here_and_there() -> None:
+    stands = Move("stands", 4, (), {1: pose()}, Bounce(0.0))
+    level, sinking = (
+        body_pos_m(
+            render(
+                sequence_moves([stands] * 4), COUNTS_S, rng=np.random.default_rng(0),
+                carriage=replace(NONE, sinks_m=sinks, stoop_m=0.01),
+            ).motion
+        )[:, 0, 1]
+        for sinks in (0.0, 0.03)
+    )  # fmt: skip
+    assert (sinking - level).max() < 0.002
+    assert (level - sinking).max() > 0.02
+
+
+def test_arms_are_turned_outwards() -> None:
+    closed, opened = (
+        joint_m(replace(NONE, arms_open=deg), "left_wrist")
+        - joint_m(replace(NONE, arms_open=deg), "left_shoulder")
+        for deg in (0.0, 20.0)
+    )
+    assert np.median(opened[:, 0] - closed[:, 0]) > 0.02
+    assert np.median(opened[:, 2] - closed[:, 2]) < 0.01
+
+
+def test_toes_differ_from_step_to_step_by_the_spread_of_the_carriage() -> None:
+    rng = np.random.default_rng(0)
+    toes = [Carriage(toes_vary=10.0, toes_sweep=20.0, toes_point=40.0).toes(rng) for _ in range(2000)]
+    assert np.std([t.turn_deg for t in toes]) == pytest.approx(10.0, rel=0.15)
+    assert np.std([t.sweep_deg for t in toes]) == pytest.approx(20.0, rel=0.15)
+    assert np.mean([t.point_deg for t in toes]) == pytest.approx(40.0, rel=0.05)
+    assert Carriage(toes_vary=10.0).toes(None).turn_deg == 0.0
