@@ -76,7 +76,7 @@ ALL, TAKES = {"graph", "mixer", "rollout"}, {"graph", "mixer"}
 TABLE = {
     "planner": (TAKES, "greedy", {"seed": 1}),
     "bound": ({"graph"}, True, {}),
-    "candidates": ({"graph"}, 16, {"costs": (Hop(),)}),
+    "candidates": ({"graph"}, 8, {"costs": (Hop(),)}),
     "selection": ({"graph"}, "random", {}),
     "warping": ({"graph"}, "none", {}),
     "density": (set(), "learned", {}),  # of a repertoire that has one
@@ -86,7 +86,7 @@ TABLE = {
     "lock_feet": (TAKES, False, {}),
     "hold_ends": (ALL, False, {}),
     "dynamics": (ALL, 0.0, {}),
-    "stage": (ALL, "40x40", {"genre": "waltz", "costs": (Hop(),), "seed": 1}),
+    "stage": (ALL, "1x1", {"genre": "waltz", "costs": (Hop(),), "seed": 1}),
     "front": (ALL, "free", {"costs": (Hop(),)}),
     "motif_draw": ({"mixer", "rollout"}, "absolute", {"genre": "salsa"}),
     "phrase_counts": ({"mixer", "rollout"}, 1, {}),

@@ -67,7 +67,8 @@ def test_planted_feet_stand_still_on_the_floor(name: str, size: float) -> None:
     for side in SIDES:
         path = rendered.feet[side]
         assert path.planted.mean() > 0.3
-        assert (path.planted | (path.ball_m[:, 1] > 0.02)).mean() > 0.83  # low feet are marked as planted
+        rolls = path.toe_pitch_rad > 1e-9
+        assert (path.planted | rolls | (path.ball_m[:, 1] > 0.02)).mean() > 0.87  # low feet stand or roll
         for joint, still in (("foot", path.planted), ("ankle", path.flat)):
             place = pos[:, motion.skeleton.index(f"{side}_{joint}")]
             speed = np.linalg.norm(np.diff(place, axis=0), axis=1) * motion.fps
