@@ -62,7 +62,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "click": ("cli",),
     "click_option_group": ("cli",),
     "filelock": ("core",),
-    "h5py": ("library.store", "library.writing"),
+    "h5py": ("library.hdf5", "library.store", "library.writing"),
     "lazy_loader": ("", "evaluation"),
     "librosa": ("music.beats",),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),

@@ -72,7 +72,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
     "length, and whether a build would use it.",
 )  # fmt: skip
 @optgroup.option(
-    "--compress", is_flag=True, default=None, help="Store motion in 16 bits: a third of the size."
+    "--compress", is_flag=True, default=None, help="Store motion in 16 bits: a ninth of the size."
 )
 @optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
 @optgroup.group("Changes of the repertoire SOURCES, which is replaced unless -o names another file")

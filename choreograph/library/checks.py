@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 from choreograph.core.timebase import CLIP_FRAMES
-from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISION, QUANTISATION_STEPS
+from choreograph.library.schema import DELTA_ORDER, DELTA_RESTART, HALF_PRECISION, QUANTISED
 from choreograph.library.words import SUM_TOLERANCE
 
 # Limits of stored arrays. Files of this program are 4 times as large when they are unpacked, and a dance
@@ -155,7 +155,7 @@ def _stored_dtypes(array: StoredArray, kind: str) -> tuple[np.dtype, ...]:
         return _WEIGHT_DTYPES
     if kind == "s":
         return (np.dtype("u1"),)
-    if array.is_quantised and array.name in QUANTISATION_STEPS:
+    if array.is_quantised and array.name in QUANTISED:
         return _QUANTISED
     return (np.dtype(kind), *((np.dtype("f2"),) if array.name in HALF_PRECISION else ()))
 

@@ -17,7 +17,7 @@ from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds, t
 from choreograph.library.checks import check_parts
 from choreograph.library.derived import root_frame_rows
 from choreograph.library.rows import KeptBlocks
-from choreograph.library.schema import DELTA_RESTART
+from choreograph.library.schema import MADE_ROWS
 from choreograph.library.shards import AnyFile
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, ground_pos_m
@@ -182,13 +182,13 @@ class ClipMotion:
     @cached_property
     def _made_poses(self) -> KeptBlocks:
         n_frames = self._file.shapes["body/pos_m"][0]
-        return KeptBlocks((n_frames, 2, len(BODY_JOINTS), 3), "f4", DELTA_RESTART, None)
+        return KeptBlocks((n_frames, 2, len(BODY_JOINTS), 3), "f4", MADE_ROWS, None)
 
     def _make_poses(self, blocks: Sequence[int]) -> Iterator[NDArray[np.float32]]:
         """Blocks of `_root_frame` of a compressed file."""
         n_frames = self._file.shapes["body/pos_m"][0]
         for block in blocks:
-            rows = np.arange(block * DELTA_RESTART, min((block + 1) * DELTA_RESTART, n_frames))
+            rows = np.arange(block * MADE_ROWS, min((block + 1) * MADE_ROWS, n_frames))
             yield root_frame_rows(partial(self._file.rows, "body/pos_m"), rows, self._take_rows)
 
     def liveliness(

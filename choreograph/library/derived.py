@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.numerics import AnyFloats, AnyInts, frame_blocks, mean_ranks
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.library.body_positions import BodyPositions, stored_skeleton
 from choreograph.library.joined_rows import Rows
 from choreograph.library.schema import DERIVED, QUANTISATION_STEPS, dequantised, quantised
 from choreograph.motion.body import front_rad, ground_pos_m, heading_rad, to_root_frame
@@ -41,14 +42,11 @@ def middle_starts(starts: NDArray[np.integer]) -> NDArray[np.int64]:
 def with_derived(arrays: Mapping[str, Rows], *, compress: bool) -> dict[str, Rows]:
     """The arrays with all of `DERIVED`. Those of single takes are kept if they are given.
 
-    With `compress`, they are computed from the positions as the file will hold them.
+    With `compress`, they are computed from the positions as they will be made from the motion of the file.
     """
     made = dict(arrays)
     if any(name not in made for name in _OF_TAKES):
-        body_pos_m = np.asarray(made["body/pos_m"], np.float32)
-        step = QUANTISATION_STEPS["body/pos_m"]
-        if compress and (integers := quantised(body_pos_m, step)) is not None:
-            body_pos_m = dequantised(integers, step)
+        body_pos_m = _pos_m_from_motion(made) if compress else np.asarray(made["body/pos_m"], np.float32)
         made |= take_arrays(body_pos_m, made)
     if compress:
         made.pop("body/root_frame", None)
@@ -61,6 +59,26 @@ def with_derived(arrays: Mapping[str, Rows], *, compress: bool) -> dict[str, Row
         ]
         made["body/root_frame"] = np.concatenate(parts)
     return made | {"takes/tempo_bpm": take_tempi_bpm(made)} | genre_arrays(made)
+
+
+def _pos_m_from_motion(arrays: Mapping[str, Rows]) -> NDArray[np.float32]:
+    """Body positions (B, 21, 3), made from motion as a compressed file holds it."""
+    motion = {
+        name: _as_quantised(np.asarray(arrays[name]), step) for name, step in QUANTISATION_STEPS.items()
+    }
+
+    def read(name: str) -> NDArray[Any]:
+        return np.asarray(arrays[name])
+
+    skeleton = stored_skeleton(read, has_roles="skeleton/roles" in arrays)
+    n_motion, n_body = (len(arrays[name]) for name in ("motion/root_pos_m", "body/pos_m"))
+    positions = BodyPositions.of(read, skeleton, n_motion, n_body)
+    return positions.rows(lambda name, start, stop: motion[name][start:stop], 0, n_body)
+
+
+def _as_quantised(array: NDArray[np.floating], step: float) -> NDArray[np.floating]:
+    integers = quantised(array, step)
+    return array if integers is None else dequantised(integers, step)
 
 
 def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, Rows]) -> Arrays:

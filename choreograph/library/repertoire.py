@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from choreograph.core.files import as_path
 from choreograph.core.numerics import digest
 from choreograph.core.progress import counted, cut_line, html_table
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
+from choreograph.library.body_positions import stored_motion, stored_skeleton
 from choreograph.library.checks import check_clips
 from choreograph.library.clips import ClipMotion, TakeInfo, figures_from, takes_from
 from choreograph.library.motifs import SpanMotifLookup
@@ -28,9 +28,8 @@ from choreograph.library.shards import AnyFile, RepertoireShards, motif_set, ope
 from choreograph.library.store import RepertoireFile
 from choreograph.library.take_counts import TakeCounts, TakeTempi
 from choreograph.library.vocabulary import Vocabulary, vocabulary_from
-from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
-from choreograph.motion.skeleton import Skeleton, roles_of
+from choreograph.motion.skeleton import Skeleton
 
 if TYPE_CHECKING:
     from choreograph.nets.inference import WordEmbedder
@@ -227,13 +226,8 @@ class Repertoire:
     @cached_property
     def skeleton(self) -> Skeleton:
         """The skeleton of all motion in the file."""
-        names = ("parents", "offsets_m", "tip_parents", "tips_m")
-        joints = tuple(str(name) for name in self._file.read("skeleton/names"))
         with self._damage_named():
-            skeleton = Skeleton(joints, *(self._file.read(f"skeleton/{name}") for name in names))
-            if "roles" not in self._file.parts:
-                return skeleton
-            return replace(skeleton, roles=roles_of(self._file.read("skeleton/roles")))
+            return stored_skeleton(self._file.read, has_roles="roles" in self._file.parts)
 
     @cached_property
     def takes(self) -> tuple[TakeInfo, ...]:
@@ -320,8 +314,8 @@ class Repertoire:
         last = int(np.clip(stop, first + 1, n_frames))
         rows = info.motion[0] + first, info.motion[0] + last
         root = self._file.read_rows("motion/root_pos_m", *rows)
-        quat = rot.normalize(self._file.read_rows("motion/local_quat", *rows).astype(np.float64))
-        return Motion(self.skeleton, root, quat, info.fps), first / info.fps
+        quat = self._file.read_rows("motion/local_quat", *rows)
+        return stored_motion(self.skeleton, root, quat, info.fps), first / info.fps
 
     def _take(self, take: int) -> int:
         return as_index("a take", take, len(self.takes))

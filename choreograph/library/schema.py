@@ -131,11 +131,16 @@ NOTES: dict[str, tuple[str, str]] = {
 # Groups of datasets of which a file has all or none.
 OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES, "poses": POSES}
 
+# A compressed file leaves these out. They are made from its motion when they are read (`body_positions`).
+MADE_WHEN_READ = ("body/pos_m",)
+MADE_ROWS = 2048  # at once, of arrays that are made when they are read: 100 s
+
 # A compressed file stores these quantised to 16-bit integers: value = integer × step. The integers are
 # delta-coded `DELTA_ORDER` times from row to row (modulo 2^16), restarted every `DELTA_RESTART` rows, and
 # stored as u2 in zigzag encoding. The attributes `step`, `order`, `restart` and `folded` state the encoding.
-# Joint rotations are exact to 0.03 degrees and positions to half a millimetre.
-QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035, "body/pos_m": 0.001}
+# Joint rotations are exact to 0.03 degrees.
+QUANTISATION_STEPS = {"motion/root_pos_m": 0.00025, "motion/local_quat": 0.00035}
+QUANTISED = (*QUANTISATION_STEPS, *MADE_WHEN_READ)  # that are read: files of before November 2026 have all
 DELTA_ORDER, DELTA_RESTART = 2, 8192
 HALF_PRECISION = ("motifs/embeddings",)  # f2 in a compressed file, as are the networks' weights
 
@@ -225,6 +230,11 @@ def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
         if any(name in names for name in group):
             layout |= group
     return layout
+
+
+def shape_of(name: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
+    """The shape of an array with axes of these lengths."""
+    return tuple(sizes[letter] if letter in sizes else int(letter) for letter in DATASETS[name][1].split())
 
 
 def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:

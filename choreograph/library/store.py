@@ -1,10 +1,9 @@
-"""Repertoire files and files of networks, opened with checks and read on demand."""
+"""Repertoire files and files of networks, read on demand. The module `writing` writes them."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -14,15 +13,27 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.errors import FormatError, RepertoireError
-from choreograph.core.files import check_regular
+from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import AnyInts
 from choreograph.library import checks
+from choreograph.library.body_positions import BodyPositions, stored_skeleton
 from choreograph.library.checks import StoredArray
+from choreograph.library.hdf5 import (
+    attribute,
+    check_link,
+    file_named,
+    member_names,
+    opened,
+    scalar,
+    stored_array,
+    text_attribute,
+)
 from choreograph.library.rows import MOST_BYTES, KeptBlocks
 from choreograph.library.schema import (
     DELTA_RESTART,
     FORMAT,
+    MADE_ROWS,
+    MADE_WHEN_READ,
     NETWORKS_FORMAT,
     OPTIONAL,
     VERSION,
@@ -31,131 +42,8 @@ from choreograph.library.schema import (
     delta_decode,
     layout_of,
     net_names_in,
+    shape_of,
 )
-
-# HDF5 files from untrusted sources are opened and validated before any data is read.
-#
-# Links to other files are refused. Every error of HDF5 and of `checks` becomes one that names the file.
-
-
-# The errors of h5py for a file that it cannot read. It depends on the damaged bytes which is raised.
-H5PY_ERRORS = (
-    OSError, KeyError, RuntimeError, ValueError, TypeError, AttributeError, OverflowError, MemoryError,
-    NotImplementedError,
-)  # fmt: skip
-
-
-@contextmanager
-def opened(path: Path, what: str) -> Iterator[h5py.File]:
-    """Open a file of a kind, such as "a repertoire". Raises `RepertoireError` if it is not valid."""
-    with file_named(path, what), h5py.File(path, "r") as file:
-        yield file
-
-
-@contextmanager
-def file_named(path: Path, what: str) -> Iterator[None]:
-    """Raise the errors of HDF5 and of `checks` as a `RepertoireError` that names the file."""
-    try:
-        check_regular(path, what)
-        yield
-    except (RepertoireError, FormatError, *H5PY_ERRORS) as error:
-        if isinstance(error, RepertoireError) and str(error).startswith(str(path)):
-            raise
-        raise RepertoireError(_with_file(error, path, what)) from error
-
-
-def _with_file(error: Exception, path: Path, what: str) -> str:
-    """The message of an error, with the name of the file."""
-    if isinstance(error, RepertoireError):
-        return f"{path}: {error}: a damaged file"
-    if isinstance(error, FormatError):  # there is no such file, and the message names it
-        return str(error)
-    reason = " ".join(str(error).split())[:120]
-    return (
-        f"{path}: expected {what} (HDF5), could not read it ({reason}): truncated or not made by choreograph"
-    )
-
-
-def check_link(file: h5py.File, name: str) -> None:
-    """Raise `RepertoireError` if an object does not exist or is a link to another place."""
-    try:
-        link = file.id.links.get_info(name.encode())
-    except (KeyError, RuntimeError):
-        raise RepertoireError(f"the repertoire has no {name}") from None
-    if link.type != h5py.h5l.TYPE_HARD:
-        raise RepertoireError(f"{name}: expected it in this file, got a link to another place")
-
-
-def stored_array(file: h5py.File, name: str) -> StoredArray:
-    """How an array is stored. Calls are low-level, since opening a repertoire checks every array."""
-    check_link(file, name)
-    data = h5py.h5o.open(file.id, name.encode())
-    if not isinstance(data, h5py.h5d.DatasetID):
-        raise RepertoireError(f"the repertoire has no {name}")
-    plan = data.get_create_plist()
-    layout = plan.get_layout()
-    return StoredArray(
-        name,
-        data.dtype,
-        is_quantised=h5py.h5a.exists(data, b"step"),
-        shape=data.shape or (),
-        chunk=plan.get_chunk() if layout == h5py.h5d.CHUNKED else (),
-        filters=tuple(plan.get_filter(i)[0] for i in range(plan.get_nfilters())),
-        n_stored_bytes=data.get_storage_size(),
-        is_elsewhere=layout == h5py.h5d.VIRTUAL or plan.get_external_count() > 0,
-    )
-
-
-def member_names(file: h5py.File, group: str, most: int) -> list[str]:
-    """The sorted names in a group. Raises `RepertoireError` if it is no group, or has more than `most`."""
-    check_link(file, group)
-    members = file[group]
-    if not isinstance(members, h5py.Group) or len(members) > most:
-        raise RepertoireError(
-            f"{group}: expected a group of up to {most} members, got another object or a larger group"
-        )
-    return sorted(members)
-
-
-def scalar(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    """An attribute that is a single number or text of fixed length, or None for anything else.
-
-    Texts of any length are in heaps, on which HDF5 2.0 loops endlessly if they are damaged.
-    """
-    if name not in owner.attrs:
-        return None
-    header = owner.attrs.get_id(name)
-    return owner.attrs[name] if header.shape == () and header.dtype.kind in "iufbS" else None
-
-
-def _text_attribute(owner: h5py.Group, name: str) -> str | None:
-    value = scalar(owner, name)
-    return value.decode(errors="replace") if isinstance(value, bytes) else None
-
-
-def attribute(owner: h5py.Group, name: str, kind: type) -> Any:
-    """An attribute that is one text or whole number. Raises `RepertoireError` for anything else."""
-    value = _text_attribute(owner, name) if kind is str else scalar(owner, name)
-    if not isinstance(value, str if kind is str else np.integer):
-        raise RepertoireError(
-            f"the attribute {name}: expected {kind.__name__}, got another type or no such attribute"
-        )
-    return kind(value)
-
-
-def from_json(text: str, what: str) -> dict[str, Any]:
-    """The JSON object in a text. Raises `RepertoireError`, which names `what`, for anything else."""
-    try:
-        data = json.loads(text)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RepertoireError(f"{what}: expected JSON: a damaged file") from error
-    if not isinstance(data, dict):
-        raise RepertoireError(f"{what}: expected a JSON object: a damaged file")
-    return data
-
-
-# Repertoire files and files of networks, read on demand. The module `writing` writes them.
-
 
 _VERIFIED_ROWS = 1 << 16  # at once
 
@@ -166,7 +54,7 @@ def read_networks(path: Path) -> tuple[dict[str, NetArrays], dict[str, Any]]:
     Raises `RepertoireError` for any other file.
     """
     with opened(path, "networks") as file:
-        if _text_attribute(file, "format") != NETWORKS_FORMAT:
+        if text_attribute(file, "format") != NETWORKS_FORMAT:
             raise RepertoireError(f"{path}: expected networks, got another kind of file")
         names = member_names(file, "nets", checks.MAX_NETS)
         nets = {name: _read_net(file, name, path) for name in names}
@@ -197,19 +85,23 @@ class RepertoireFile:
             layout = layout_of(file)
             self.parts = frozenset(part for part, names in OPTIONAL.items() if names.keys() <= layout.keys())
             self._kinds = {name: kind for name, (kind, _) in layout.items()}
-            stored = self._check_stored(file, layout)
+            self._left_out = frozenset(name for name in MADE_WHEN_READ if name not in file)
+            stored = self._check_stored(file, [name for name in layout if name not in self._left_out])
             self.density: str = attribute(file, "density", str)
             self.provenance = _read_provenance(file, self.path)
             self.net_names = self._find_nets(file)
             self.names = tuple(layout)
             self.shapes = {a.name: a.shape for a in stored if self._kinds[a.name] != "s"}  # of numbers
             self.sizes = axis_sizes(self.shapes)
+            self.shapes |= {name: shape_of(name, self.sizes) for name in self._left_out}
             self.quantised = frozenset(array.name for array in stored if array.is_quantised)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
+            self._block_rows |= dict.fromkeys(self._left_out, MADE_ROWS)
             self._kept: dict[str, KeptBlocks] = {}
+            self._positions: BodyPositions | None = None  # of the file that `_kept` was read from
 
     def _check_version(self, file: h5py.File) -> None:
-        kind = _text_attribute(file, "format")
+        kind = text_attribute(file, "format")
         if kind != FORMAT:
             got = "none" if kind is None else f"{kind!r}"[:40]
             raise RepertoireError(
@@ -222,12 +114,12 @@ class RepertoireFile:
                 f"of choreograph, build it again with `choreograph build-db TAKES -o {self.path.name}`"
             )
 
-    def _check_stored(self, file: h5py.File, layout: Mapping[str, tuple[str, str]]) -> list[StoredArray]:
-        for group in dict.fromkeys(name.split("/")[0] for name in layout if "/" in name):
+    def _check_stored(self, file: h5py.File, names: Sequence[str]) -> list[StoredArray]:
+        for group in dict.fromkeys(name.split("/")[0] for name in names if "/" in name):
             check_link(file, group)
-        stored = [stored_array(file, name) for name in layout]
-        for array, (kind, _) in zip(stored, layout.values(), strict=True):
-            checks.check_stored(array, kind)
+        stored = [stored_array(file, name) for name in names]
+        for array in stored:
+            checks.check_stored(array, self._kinds[array.name])
         checks.check_size(stored, self.path.stat().st_size)
         return stored
 
@@ -242,11 +134,28 @@ class RepertoireFile:
 
         Raises `RepertoireError` if it cannot be read or a value is not one that `checks` expects.
         """
+        if name in self._left_out:
+            start, stop, step = part.indices(self.shapes[name][0])
+            with file_named(self.path, "a repertoire"):
+                return self._made(self._body_positions(), start, stop)[::step]
         with opened(self.path, "a repertoire") as file:
-            data = file[name]
-            if self._kinds[name] == "s":
-                return _read_texts(data)[part]
-            return self._numbers(data, name, part)
+            return self._read_from(file, name, part)
+
+    def _read_from(self, file: h5py.File, name: str, part: slice = slice(None)) -> NDArray[Any]:
+        if self._kinds[name] == "s":
+            return _read_texts(file[name])[part]
+        return self._numbers(file[name], name, part)
+
+    def _body_positions(self) -> BodyPositions:
+        with opened(self.path, "a repertoire") as file:
+            read = partial(self._read_from, file)
+            skeleton = stored_skeleton(read, has_roles="roles" in self.parts)
+            return BodyPositions.of(read, skeleton, self.sizes["M"], self.sizes["B"])
+
+    def _made(self, positions: BodyPositions, start: int, stop: int) -> NDArray[np.float32]:
+        pos_m = positions.rows(self.read_rows, start, stop)
+        checks.check_values("body/pos_m", pos_m, self.sizes)
+        return pos_m
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All arrays by path, as `schema.Contents` holds them."""
@@ -279,6 +188,8 @@ class RepertoireFile:
             kept = self._kept[name] = KeptBlocks(
                 self.shapes[name], self._kinds[name], self._block_rows[name], state, self._most_bytes
             )
+            if name in self._left_out:
+                self._positions = None
         return kept.rows(rows, partial(self._blocks, name))
 
     def forget_rows(self) -> None:
@@ -286,7 +197,12 @@ class RepertoireFile:
         self._kept.clear()
 
     def _blocks(self, name: str, blocks: Sequence[int]) -> Iterator[NDArray[Any]]:
-        n_rows = self._block_rows[name]
+        n_rows, n_all = self._block_rows[name], self.shapes[name][0]
+        if name in self._left_out:
+            positions = self._positions = self._positions or self._body_positions()
+            for block in blocks:
+                yield self._made(positions, block * n_rows, min((block + 1) * n_rows, n_all))
+            return
         with opened(self.path, "a repertoire") as file:
             data = file[name]
             for block in blocks:
@@ -298,6 +214,8 @@ class RepertoireFile:
         Returns the number of rows that were copied: 0 if the new array is stored in another way. Rows of a
         chunk that has other rows besides are not copied.
         """
+        if name in self._left_out:
+            return 0
         with opened(self.path, "a repertoire") as file:
             source = file[name]
             if _storage(source) != _storage(target):
@@ -359,7 +277,7 @@ def _read_net(file: h5py.File, name: str, path: Path) -> NetArrays:
     for weight, values in weights.items():
         checks.check_finite(f"{group}/{weight}", values)
     config = attribute(file[group], "config", str)
-    return NetArrays(from_json(config, f"{path}: the config of network {name}"), weights)
+    return NetArrays(_from_json(config, f"{path}: the config of network {name}"), weights)
 
 
 def _read_quantised(name: str, data: h5py.Dataset, part: slice) -> NDArray[np.float32]:
@@ -388,9 +306,20 @@ def _read_texts(data: h5py.Dataset) -> NDArray[np.str_]:
 def _read_provenance(file: h5py.File, path: Path) -> dict[str, Any]:
     checks.check_stored(stored_array(file, "provenance"), "s")
     texts = _read_texts(file["provenance"])
-    provenance = from_json(str(texts[0]) if len(texts) == 1 else "", f"{path}: provenance")
+    provenance = _from_json(str(texts[0]) if len(texts) == 1 else "", f"{path}: provenance")
     checks.check_provenance(provenance)
     return provenance
+
+
+def _from_json(text: str, what: str) -> dict[str, Any]:
+    """The JSON object in a text. Raises `RepertoireError`, which names `what`, for anything else."""
+    try:
+        data = json.loads(text)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RepertoireError(f"{what}: expected JSON: a damaged file") from error
+    if not isinstance(data, dict):
+        raise RepertoireError(f"{what}: expected a JSON object: a damaged file")
+    return data
 
 
 def _to_single(weight: NDArray[Any]) -> NDArray[Any]:

@@ -222,16 +222,29 @@ CRAFTED = (
     config(mirrored_share=None),
 )  # fmt: skip
 QUANTISED = (
-    attribute("body/pos_m", "order", 10**9, "order"),
-    attribute("body/pos_m", "order", -1, "order"),
-    attribute("body/pos_m", "order", "2", "order"),
-    attribute("body/pos_m", "order", 1, "order 2, got"),
-    attribute("body/pos_m", "restart", 0, "restart"),
-    attribute("body/pos_m", "restart", 4096, "restart 8192, got"),
-    attribute("body/pos_m", "folded", False, "folded True, got"),
-    attribute("body/pos_m", "step", np.nan, "step"),
-    attribute("body/pos_m", "step", np.zeros(3), "step"),
-    attribute("body/pos_m", "folded", "yes", "folded"),
+    attribute("motion/local_quat", "order", 10**9, "order"),
+    attribute("motion/local_quat", "order", -1, "order"),
+    attribute("motion/local_quat", "order", "2", "order"),
+    attribute("motion/local_quat", "order", 1, "order 2, got"),
+    attribute("motion/local_quat", "restart", 0, "restart"),
+    attribute("motion/local_quat", "restart", 4096, "restart 8192, got"),
+    attribute("motion/local_quat", "folded", False, "folded True, got"),
+    attribute("motion/local_quat", "step", np.nan, "step"),
+    attribute("motion/local_quat", "step", np.zeros(3), "step"),
+    attribute("motion/local_quat", "folded", "yes", "folded"),
+)
+# Of a compressed file, whose body positions are made from its motion.
+MADE = (
+    values("takes/fps", 0.0),
+    values("takes/fps", 1e-3, "rows"),
+    values("takes/fps", 1000.0, "rows"),
+    values("takes/body_stop", 5, "rows"),
+    values("takes/motion_stop", 5, "rows"),
+    values("skeleton/parents", 23, "parent"),
+    values("skeleton/offsets_m", np.nan, "offsets"),
+    replaced(
+        "skeleton/names", lambda file, a: _put(file, "skeleton/names", a * 0 + (a > 0) * 120), "name", "x"
+    ),
 )
 IN_A_CHILD = ("a network of {'width': 100000000}", "10⁹ empty rows", "400 MB of zeros", "a long note")
 
@@ -274,8 +287,18 @@ def test_a_crafted_file_is_refused_in_a_line(whole, tmp_path, craft):
 
 @pytest.mark.parametrize("craft", QUANTISED, ids=lambda craft: craft.name)
 def test_crafted_quantisation_is_refused_in_a_line(whole, tmp_path, craft):
-    assert set(QUANTISATION_STEPS) >= {"body/pos_m"}
+    assert "motion/local_quat" in QUANTISATION_STEPS
     assert craft.message in refused(crafted(whole / "quantised.h5", tmp_path / "crafted.h5", craft))
+
+
+@pytest.mark.parametrize("craft", MADE, ids=lambda craft: craft.name)
+def test_positions_are_not_made_from_crafted_motion(whole, tmp_path, craft):
+    path = crafted(whole / "quantised.h5", tmp_path / "crafted.h5", craft)
+    assert craft.message in refused(path)
+    for read in (lambda: RepertoireFile(path).read("body/pos_m"), lambda: RepertoireFile(path).verify()):
+        with pytest.raises(ChoreographError, match=r"crafted\.h5") as caught:
+            read()
+        assert "\n" not in str(caught.value)
 
 
 @pytest.mark.slow

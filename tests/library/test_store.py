@@ -19,9 +19,12 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import (
     ATTRIBUTES,
     DATASETS,
+    DELTA_ORDER,
+    DELTA_RESTART,
     DERIVED,
     FORMAT,
     HALF_PRECISION,
+    MADE_WHEN_READ,
     NETS,
     OPTIONAL,
     POSES,
@@ -29,6 +32,8 @@ from choreograph.library.schema import (
     UNCERTAINTY,
     VERSION,
     NetArrays,
+    delta_encode,
+    quantised,
 )
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import write_repertoire
@@ -255,29 +260,46 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
             for part in (slice(3, 9), slice(0, 0), slice(len(b) - 2, len(b)), slice(100, 240)):
                 np.testing.assert_array_equal(compressed.read(name, part), b[part])
         else:
-            if name in DERIVED:
-                continue  # from the quantised positions
+            if name in (*DERIVED, *MADE_WHEN_READ):
+                continue  # from the quantised motion
             np.testing.assert_array_equal(a, b)
     np.testing.assert_allclose(compressed.read_net("style").weights["bias"], NET.weights["bias"], rtol=1e-3)
     assert compressed.read_net("style").weights["bias"].dtype == np.float32
     assert set(LAYOUT["compressed"]["datasets"]) == set(QUANTISATION_STEPS)
+    assert tuple(LAYOUT["compressed"]["left_out"]) == MADE_WHEN_READ
     assert set(LAYOUT["compressed"]["half_precision"]) == set(HALF_PRECISION)
 
 
 def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
-    for module in ("schema", "writing", "store", "clips"):
+    for module in ("schema", "writing", "store"):
         monkeypatch.setattr(f"choreograph.library.{module}.DELTA_RESTART", 7)
     monkeypatch.setitem(checks.ENCODING, "restart", 7)
     write_repertoire(tmp_path / "often.h5", contents, compress=True)
     compressed = RepertoireFile(tmp_path / "often.h5")
-    whole = compressed.read("body/pos_m")
-    np.testing.assert_allclose(whole, contents.arrays["body/pos_m"], atol=0.0006)
-    np.testing.assert_array_equal(compressed.read("body/pos_m", slice(20, 23)), whole[20:23])
+    whole = compressed.read("motion/root_pos_m")
+    np.testing.assert_allclose(whole, contents.arrays["motion/root_pos_m"], atol=0.0002)
+    np.testing.assert_array_equal(compressed.read("motion/root_pos_m", slice(20, 23)), whole[20:23])
 
 
 def test_arrays_beyond_16_bits_are_not_quantised(contents, tmp_path):
-    far = replace(contents, arrays={**contents.arrays, "body/pos_m": contents.arrays["body/pos_m"] + 100.0})
+    name = "motion/root_pos_m"
+    far = replace(contents, arrays={**contents.arrays, name: contents.arrays[name] + 100.0})
     write_repertoire(tmp_path / "far.h5", far, compress=True)
-    np.testing.assert_array_equal(
-        RepertoireFile(tmp_path / "far.h5").read("body/pos_m"), far.arrays["body/pos_m"].astype(np.float32)
-    )
+    file = RepertoireFile(tmp_path / "far.h5")
+    np.testing.assert_array_equal(file.read(name), far.arrays[name].astype(np.float32))
+    np.testing.assert_allclose(file.read("body/pos_m"), contents.arrays["body/pos_m"] + 100.0, atol=0.002)
+
+
+def test_a_compressed_file_that_holds_body_positions_is_read(contents, tmp_path):
+    """As those of before November 2026."""
+    name, step = "body/pos_m", 0.001
+    write_repertoire(tmp_path / "before.h5", contents, compress=True)
+    with h5py.File(tmp_path / "before.h5", "a") as file:
+        assert name not in file
+        encoded = delta_encode(quantised(contents.arrays[name], step))
+        file.create_dataset(name, data=encoded).attrs.update(
+            step=step, order=DELTA_ORDER, restart=DELTA_RESTART, folded=True
+        )
+    file = RepertoireFile(tmp_path / "before.h5")
+    np.testing.assert_allclose(file.read(name), contents.arrays[name], atol=0.0006)
+    np.testing.assert_array_equal(file.read_rows(name, 5, 9), file.read(name)[5:9])

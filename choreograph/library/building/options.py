@@ -98,8 +98,8 @@ class BuildOptions:
     `init_from` with them. A build then takes seconds."""
 
     compress: bool = False
-    """Whether motion is stored in 16 bits. The file has a third of the size, and rotations are exact to
-    0.03 degrees."""
+    """Whether motion is stored in 16 bits, without the body positions that follow from it. The file has about
+    a ninth of the size, and rotations are exact to 0.03 degrees."""
 
     rollout: bool = False
     """Whether the rollout network is trained as well, for the engine "rollout". It takes as long as all
