@@ -19,6 +19,7 @@ from choreograph.choreography.motif_sequences import (
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import Vocabulary
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.plan import Plan
@@ -219,22 +220,41 @@ def _first_slot(
 ) -> int:
     """The first slot at which a given sequence of motifs begins on the counts on which its words are danced.
 
-    A song may begin within a bar. The sequence then begins up to a bar later, where its motifs are danced on
-    the counts of their slots (N,) by most of their words: many motifs have a word on every count. It begins
-    with the first slot if there are no counts, and if it has less than two bars of four.
+    A song may begin within a bar. The sequence then begins up to a bar later: on the count on which a take
+    dances it, or else where its motifs are danced on the counts of their slots (N,) by most of their words,
+    since many motifs have a word on every count. It begins with the first slot if there are no counts, and if
+    it has less than two bars of four.
     """
     if not motifs or not (slot_position != UNKNOWN).any():
         return 0
     vocabulary = repertoire.vocabulary
     positions = word_positions(vocabulary, repertoire.counts)
-    shares = shares_on_count(slot_position, positions, take_wanted, vocabulary)  # (N, K)
-    n_compared = min(len(motifs), len(shares) - (_LATEST_SLOT - 1))
+    n_compared = min(len(motifs), len(slot_position) - (_LATEST_SLOT - 1))
     if n_compared < _FEWEST_GIVEN:
         return 0
+    danced = _position_in_takes(motifs, vocabulary, positions)
+    on_it = np.flatnonzero(slot_position[:_LATEST_SLOT] == danced)
+    if danced != UNKNOWN and len(on_it):
+        return int(on_it[0])
+    shares = shares_on_count(slot_position, positions, take_wanted, vocabulary)  # (N, K)
     slots = np.arange(_LATEST_SLOT)[:, None] + np.arange(n_compared)
     compared = shares[slots, np.array(motifs[:n_compared])]  # (first slots, motifs)
     known = np.isfinite(compared).all(axis=0)
     return int(np.argmax(compared[:, known].sum(axis=1)))
+
+
+def _position_in_takes(motifs: Sequence[int], vocabulary: Vocabulary, positions: NDArray[np.int64]) -> int:
+    """Where in the bar takes begin this sequence, or `UNKNOWN` if none has it or they begin it differently.
+
+    `positions` (W,) are those of the words.
+    """
+    n = len(motifs)
+    if n > len(vocabulary.word_motif):
+        return UNKNOWN
+    runs = np.lib.stride_tricks.sliding_window_view(vocabulary.word_motif, n)  # (W - n + 1, n)
+    in_one_take = vocabulary.word_take[: len(runs)] == vocabulary.word_take[n - 1 :]
+    found = np.unique(positions[: len(runs)][in_one_take & (runs == np.array(motifs)).all(axis=1)])
+    return int(found[0]) if len(found) == 1 else UNKNOWN
 
 
 _LISTED = 20  # names in an error

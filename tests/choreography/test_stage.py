@@ -87,14 +87,15 @@ def test_the_mixer_draws_words_that_move_little_for_a_small_stage():
     walk_m[1:, -1] = [0.3, 0.4], [0.0, 1.0]
     pool = SimpleNamespace(
         ways=lambda words: (np.zeros((3, 3)), walk_m[words]),
-        vocabulary=SimpleNamespace(word_take=np.zeros(3, int)),
-    )
+        vocabulary=SimpleNamespace(word_take=np.array([0, 0, 0, 1])),
+        constraints=SimpleNamespace(take_wanted=np.array([[True, False]] * 5)),
+    )  # word 3 is of a take that no slot is drawn from, and is not read
     slots = slice(3, 5)
     costs = stage_costs(pool, (3.0, 1.6))(slots)
-    assert costs.shape == (2, 3) and costs[0, 0] == 0.0
+    assert costs.shape == (2, 4) and (costs[:, [0, 3]] == 0.0).all()
     np.testing.assert_allclose(costs[:, 1], 1.0)  # half a metre, as far as the front of this stage
     np.testing.assert_allclose(costs[:, 2], 4.0)
-    assert (stage_costs(pool, (8.0, 8.0))(slots)[:, 1:] < 0.1).all()
+    assert (stage_costs(pool, (8.0, 8.0))(slots)[:, 1:3] < 0.1).all()
 
 
 def test_joins_bend_the_path_back_within_the_borders():

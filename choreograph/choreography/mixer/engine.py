@@ -304,8 +304,8 @@ def _front_costs(pool: CandidatePool, last_slot: int) -> SlotCosts:
 
     With them, passages that face it are drawn. The last pose of the dance is that at the end of `last_slot`.
     """
-    headings_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 3)
-    away = (0.5 - 0.5 * np.cos(headings_rad)) ** 2
+    words, away = _words_to_draw(pool), np.zeros((len(pool.vocabulary.word_take), 3))
+    away[words] = (0.5 - 0.5 * np.cos(pool.ways(words)[0])) ** 2
     cost, of_last = _AWAY_COST * away.mean(axis=1), _LAST_POSE_COST * away[:, -1]  # (W,)
 
     def costs(slots: slice) -> Floats:
@@ -322,10 +322,17 @@ def _stage_costs(pool: CandidatePool, stage_m: tuple[float, float]) -> SlotCosts
 
     A word may be danced in any direction, so that the smaller side of the stage counts.
     """
-    _, walk_m = pool.ways(np.arange(len(pool.vocabulary.word_take)))  # (W, 2, 2)
+    words, cost = _words_to_draw(pool), np.zeros(len(pool.vocabulary.word_take))
+    _, walk_m = pool.ways(words)  # (M, 2, 2)
     moved = np.linalg.norm(walk_m[:, -1], axis=-1) / min(stage_half_m(stage_m))
-    cost = _ROAM_COST * moved**2  # (W,)
+    cost[words] = _ROAM_COST * moved**2
     return lambda slots: np.tile(cost, (slots.stop - slots.start, 1))
+
+
+def _words_to_draw(pool: CandidatePool) -> Indices:
+    """The words of takes that a slot may be drawn from. The poses of others are not read."""
+    wanted = pool.constraints.take_wanted[:, pool.vocabulary.word_take]  # (N, W)
+    return np.flatnonzero(wanted.any(axis=0))
 
 
 def _to_plan(words: Indices, locked: Collection[int], pool: CandidatePool, request: DanceRequest) -> Plan:
