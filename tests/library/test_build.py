@@ -197,6 +197,19 @@ def test_unknown_densities_are_refused():
         BuildOptions(density="guessed")
 
 
+def test_songs_of_takes_that_only_words_were_trained_on_are_recorded(takes_to_clicks, tmp_path):
+    own = {"even", "quick", "slow"}
+    options = BuildOptions(pretrained="clean", keep_networks=True)
+    shipped = set(pretrained_set("clean")["style"].trained_on)
+    kept, _ = build_repertoire([takes_to_clicks], tmp_path / "kept.h5", options)
+    assert set(kept.provenance["trained_on"]) == shipped and not own & shipped
+    trained, _ = build_repertoire(
+        [takes_to_clicks], tmp_path / "trained.h5", replace(options, train_words=True)
+    )
+    assert "words" in trained.net_names
+    assert set(trained.provenance["trained_on"]) == shipped | own
+
+
 def test_style_begins_with_the_shipped_networks(takes_to_clicks, tmp_path):
     """Of preset small. A build says which, and records what they were trained on."""
     options = BuildOptions(preset="small", words=False, pretrained="clean", style_changes={"steps": 2})

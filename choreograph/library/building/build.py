@@ -168,12 +168,20 @@ def _write_built(
         ),
         nets | words.nets,
     )
+    rollout: dict[str, NetArrays] = {}
     if words.vocabulary is not None:
         rollout = _rollout_net(
             contents, words, measured, songs, pretrained, options, context, teacher, report
         )
-        contents = replace(contents, nets={**contents.nets, **rollout})
-    contents = replace(contents, arrays={**contents.arrays, **note_arrays(notes)})
+    songs_trained_on = set(contents.provenance["trained_on"])
+    if {*words.nets, *rollout} - pretrained.kept.keys():  # trained on these takes
+        songs_trained_on |= {m.take.song_name for m in measured if m.take.song_name}
+    contents = replace(
+        contents,
+        arrays={**contents.arrays, **note_arrays(notes)},
+        nets={**contents.nets, **rollout},
+        provenance=contents.provenance | {"trained_on": sorted(songs_trained_on)},
+    )
     write_repertoire(output, contents, compress=options.compress)
     return notes
 
