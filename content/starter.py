@@ -11,6 +11,7 @@ import click
 
 from choreograph.cli.present import Command, examples, say, show_notes, stages
 from choreograph.core.files import atomic_path, check_apart, check_target, locked_folder
+from choreograph.core.numerics import one_thread
 from choreograph.core.progress import ProgressReport
 from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions
@@ -32,12 +33,14 @@ def build_starter(
 ) -> tuple[Repertoire, tuple[str, ...]]:
     """Render the built-in takes, train on them, and write the repertoire.
 
-    With preset small the style networks are those of the shipped set `clean`, which were trained on these
-    takes. Takes and checkpoints stay in `work`, so that an interrupted run can resume. Returns the repertoire
-    and notes. Raises as `build_repertoire`, and `ChoreographError` if another process works in `work`.
+    With preset small the style networks are those of the shipped set `clean`, which were trained on most of
+    these takes, in an earlier version. Other networks are trained in one thread, so that the bytes do not
+    depend on the number of cores. Takes and checkpoints stay in `work`, so that an interrupted run can
+    resume. Returns the repertoire and notes. Raises as `build_repertoire`, and `ChoreographError` if another
+    process works in `work`.
     """
     check_apart([check_target(output)], [work / "takes"])
-    with locked_folder(work, doing=f"builds {output.name}"):
+    with locked_folder(work, doing=f"builds {output.name}"), one_thread():
         return _built_starter(work, output, preset, seed, report, training_report)
 
 

@@ -11,6 +11,7 @@ import csv
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ WAYS = (
     Way("his", 0.85, -0.2),
 )  # fmt: skip
 PARTS_OF_GENRE: tuple[Part, ...] = (
-    *("whole",) * 12, "beginning", "beginning", "ending", "ending", "break", "break",
+    *("whole",) * 12, "beginning", "beginning", "ending", "ending", "break", "break", *("whole",) * 5,
 )  # fmt: skip
 TAKES_PER_GENRE = len(PARTS_OF_GENRE)  # short ones: a dance of three minutes stays in its genre and varies
 FPS = 25.0  # as stored, playback interpolates
@@ -59,15 +60,32 @@ def take_specs() -> Iterator[TakeSpec]:
     """The specs of all takes: for each genre, tempi spread evenly over the range of its songs."""
     for number, genre in enumerate(sorted(GENRES)):
         low, high = DANCED[genre].bpm
-        n_whole = PARTS_OF_GENRE.count("whole")
-        for i, part in enumerate(PARTS_OF_GENRE):
-            share = (i + 0.5) / n_whole if part == "whole" else ((i * 7) % n_whole + 0.5) / n_whole
+        for i, (part, share) in enumerate(zip(PARTS_OF_GENRE, _tempo_shares(), strict=True)):
             bpm = round(float(low + share * (high - low)), 1)
             length_s = DURATION_S if part == "whole" else SHORT_S
             yield TakeSpec(
                 f"{genre.replace(' ', '-').lower()}-{i + 1:02d}", genre, bpm, 60 * number + i, length_s,
                 WAYS[i % len(WAYS)], part,
             )  # fmt: skip
+
+
+def _tempo_shares() -> list[float]:
+    """Where the tempi of the takes of a genre lie in its range, from 0 to 1.
+
+    Each run of whole takes is spread evenly, the first from slow to fast and the next one from fast to slow,
+    so that each way of dancing has several tempi. Short takes have some tempi of the first run.
+    """
+    shares: list[float] = []
+    first: list[float] = []
+    for is_whole, run in groupby(PARTS_OF_GENRE, lambda part: part == "whole"):
+        n, start = len(list(run)), len(shares)
+        spread = [(k + 0.5) / n for k in range(n)]
+        if is_whole:
+            shares += reversed(spread) if first else spread
+            first = first or spread
+        else:
+            shares += [first[7 * i % len(first)] for i in range(start, start + n)]
+    return shares
 
 
 def render_spec(spec: TakeSpec) -> tuple[SyntheticSong, RenderedTake]:

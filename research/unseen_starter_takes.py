@@ -26,10 +26,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    plans = [
-        TakeSpec(f"unseen-{genre}", genre, round(sum(DANCED[genre].bpm) / 2), _SEEDS_FROM + i, _DURATION_S)
-        for i, genre in enumerate(sorted(GENRES))
-    ]
+    plans = []
+    for i, genre in enumerate(sorted(GENRES)):
+        name, bpm = f"unseen-{genre.replace(' ', '-').lower()}", round(sum(DANCED[genre].bpm) / 2)
+        plans.append(TakeSpec(name, genre, bpm, _SEEDS_FROM + i, _DURATION_S))
     write_takes(folder, plans)
     for plan in plans:
         beats_s = json.loads((folder / f"{plan.name}.truth.json").read_text(encoding="utf-8"))["beat_times_s"]

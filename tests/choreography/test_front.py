@@ -36,16 +36,17 @@ def test_the_planned_heading_is_that_of_the_dance(danced):
 
 
 def test_a_dance_to_the_front_ends_there_and_shows_the_back_less_than_a_free_one():
-    away = []
-    for seed in range(4):  # some free dances face the audience by chance
+    away = {"audience": [], "free": []}
+    for seed in range(8):  # some free dances face the audience by chance
         faces = {}
         for setting in ("audience", "free"):
             dance = cg.dance(cg.example_songs()["waltz"], duration_s=30, front=setting, seed=seed)
             faces[setting] = front.evaluate(body_pos_m(dance.motion), dance.motion.fps)
         assert faces["audience"]["ends_to_front"] == 1.0
-        assert faces["audience"]["turned_away_share"] <= 0.05
-        away.append(faces["free"]["turned_away_share"])
-    assert np.mean(away) > 0.1
+        for setting, of_seeds in away.items():
+            of_seeds.append(faces[setting]["turned_away_share"])
+    assert np.mean(away["audience"]) <= 0.05 and max(away["audience"]) <= 0.1
+    assert np.mean(away["free"]) > 0.1
 
 
 @pytest.mark.parametrize("engine", ["mixer", "rollout"])
@@ -96,7 +97,7 @@ def _turned_away(genre: str, setting: str) -> float:
         song = cg.example_songs()["waltz"]
         cg.dance(song, duration_s=16, engine="mixer", genre=genre, front=setting)
     backs = []
-    for seed in range(4):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         pool = CandidatePool.of(requests[0].constraints, requests[0].repertoire, rng)
         heading_rad, _ = pool.ways(np.arange(len(pool.vocabulary.word_take)))

@@ -25,7 +25,7 @@ def test_a_small_run_of_the_whole_recipe(tmp_path, monkeypatch):
     monkeypatch.setattr(recipe, "motion_counts_config", lambda preset: config("tiny", steps=2))
     monkeypatch.setattr(recipe, "pretrained_path", lambda name: output)
     monkeypatch.setattr(recipe, "_GENRES_LEFT_OUT", 1)
-    monkeypatch.setattr(style_recipe, "take_specs", lambda: islice(specs(), 0, None, 32))  # of nine genres
+    monkeypatch.setattr(style_recipe, "take_specs", lambda: islice(specs(), 0, None, 40))  # of nine genres
     monkeypatch.setattr(style_recipe, "STYLES", {g: style_recipe.STYLES[g] for g in GENRES})
     songs = style_recipe.style_songs
     monkeypatch.setattr(style_recipe, "style_songs", lambda: songs(1))

@@ -79,8 +79,9 @@ def test_the_plan_renders_to_the_same_bytes_and_can_be_edited(dance):
     assert again.root_pos_m.tobytes() == dance.motion.root_pos_m.tobytes()
     assert again.local_quat.tobytes() == dance.motion.local_quat.tobytes()
     edited = body_pos_m(cg.render(replace(plan, stops_s=(), amplitudes=()), STARTER))
-    assert speed_within_m_s(edited, plan.fps, plan.stops_s[0]) > 0.15  # m/s
-    assert speed_within_m_s(body_pos_m(again), plan.fps, plan.stops_s[0]) < 0.15
+    moving_m_s = speed_within_m_s(edited, plan.fps, plan.stops_s[0])
+    assert moving_m_s > 0.15
+    assert speed_within_m_s(body_pos_m(again), plan.fps, plan.stops_s[0]) < 0.4 * moving_m_s
 
 
 def test_requested_motifs_and_pinned_takes_keep_their_size(made):
