@@ -71,7 +71,7 @@ def test_the_counts_after_a_stop_are_those_of_the_song(dance, made):
         assert counts_within(counts.times_s, made[2]) > 0.95
 
 
-def test_the_plan_renders_to_the_same_bytes_and_can_be_edited(dance):
+def test_the_plan_renders_to_the_same_bytes_and_can_be_edited(dance, made):
     if dance.plan.engine == "rollout":
         return
     plan = cg.Plan.from_json(dance.plan.to_json())
@@ -79,9 +79,12 @@ def test_the_plan_renders_to_the_same_bytes_and_can_be_edited(dance):
     assert again.root_pos_m.tobytes() == dance.motion.root_pos_m.tobytes()
     assert again.local_quat.tobytes() == dance.motion.local_quat.tobytes()
     edited = body_pos_m(cg.render(replace(plan, stops_s=(), amplitudes=()), STARTER))
-    moving_m_s = speed_within_m_s(edited, plan.fps, plan.stops_s[0])
-    assert moving_m_s > 0.15
-    assert speed_within_m_s(body_pos_m(again), plan.fps, plan.stops_s[0]) < 0.4 * moving_m_s
+    assert speed_within_m_s(edited, plan.fps, plan.stops_s[0]) > 0.15  # m/s
+    others = [cg.dance(made[0], engine=plan.engine, genre="house", seed=seed) for seed in (1, 2)]
+    resting_m_s = [
+        speed_within_m_s(body_pos_m(one.motion), plan.fps, one.plan.stops_s[0]) for one in (dance, *others)
+    ]
+    assert np.mean(resting_m_s) < 0.15
 
 
 def test_requested_motifs_and_pinned_takes_keep_their_size(made):
