@@ -13,6 +13,7 @@ import numpy as np
 
 from choreograph.core.arguments import fields_of_json
 from choreograph.core.errors import FormatError
+from choreograph.core.splines import CubicSpline
 from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
 from choreograph.motion.motion import Credits
 
@@ -105,15 +106,18 @@ class Block:
         return replace(self, start_s=start_s, end_s=end_s, source_start_s=first_s, source_end_s=last_s)
 
     def source_s(self, at_s: float) -> float:
-        """The source time at a time of the dance. Beyond the block, the speed at its end continues."""
+        """The source time at a time of the dance. Beyond the block, the speed at its end continues.
+
+        Beyond a second, it is that with which the second is played.
+        """
         if isinstance(self.planned, PlannedWord):
             speed = (self.source_end_s - self.source_start_s) / (self.end_s - self.start_s)
             return self.source_start_s + speed * (at_s - self.start_s)
-        times_s = np.array(self.planned.source_times_s)
-        frame = (at_s - self.planned.second) * NODE_FRAMES
-        inside = float(np.interp(frame, np.arange(len(times_s)), times_s))
-        before, beyond = min(frame, 0.0), max(frame - NODE_FRAMES, 0.0)
-        return float(inside + before * (times_s[1] - times_s[0]) + beyond * (times_s[-1] - times_s[-2]))
+        times_s, knots = self.planned.source_times_s, np.linspace(0.0, 1.0, NODE_FRAMES + 1)
+        since = at_s - self.planned.second
+        if 0.0 <= since <= 1.0:
+            return float(np.interp(since, knots, times_s))
+        return float(CubicSpline(knots, times_s).continued(since))
 
 
 def word_block(word: PlannedWord) -> Block:

@@ -16,7 +16,8 @@ class Host:
 
     content: bytes
     cut_after: list[int] = field(default_factory=list)  # of the next answers: the connection ends there
-    status: int = 200
+    status: int = 200  # 206 is a part of which the answer does not say which
+    length: str | None = None  # that it states in place of the true one
     ranges: bool = True  # whether it sends parts
     tag: str | None = '"one"'
     url: str = ""
@@ -36,7 +37,7 @@ def hosted(content: bytes) -> Iterator[Host]:
         def do_GET(self) -> None:
             asked = self.headers.get("Range")
             host.asked.append(asked)
-            if host.status != 200:
+            if host.status not in (200, 206):
                 self.send_error(host.status)
                 return
             is_same = self.headers.get("If-Range") in (None, host.tag)
@@ -45,13 +46,13 @@ def hosted(content: bytes) -> Iterator[Host]:
                 self.send_error(416)
                 return
             body = host.content[start:]
-            self.send_response(206 if start else 200)
+            self.send_response(206 if start else host.status)
             if start:
                 last = len(host.content) - 1
                 self.send_header("Content-Range", f"bytes {start}-{last}/{len(host.content)}")
             if host.tag:
                 self.send_header("ETag", host.tag)
-            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Content-Length", str(len(body)) if host.length is None else host.length)
             self.end_headers()
             self.wfile.write(body[: host.cut_after.pop(0)] if host.cut_after else body)
 

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from choreograph.core import installed, installed_names
+from choreograph.core import plugins
 
 
 @contextmanager
 def installed_package(folder: Path, name: str, source: str, entry_points: str) -> Iterator[None]:
     """The package `name` of one module, with the text of its `entry_points.txt`, in a folder on the path."""
     described = folder / f"{name}-1.0.dist-info"
-    described.mkdir(parents=True)
+    described.mkdir(parents=True, exist_ok=True)
     (described / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
     (described / "entry_points.txt").write_text(entry_points)
     (folder / f"{name}.py").write_text(source)
@@ -31,5 +31,5 @@ def installed_package(folder: Path, name: str, source: str, entry_points: str) -
 
 
 def _forget() -> None:
-    for known in (installed, installed_names):
+    for known in (plugins.points_of, plugins.installed, plugins.say_left_out):
         known.cache_clear()

@@ -9,12 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import browsers
-import uvicorn
 
 from choreograph.library.builtin import as_repertoire
-from choreograph.studio.app import make_app
 from choreograph.studio.safety import Access
-from choreograph.studio.serve import _listening, start
+from choreograph.studio.serve import _listening, make_server, start
 
 PATIENCE_S = 300  # work may take long where many tests run beside it
 WIDE, PHONE = (1280, 800), (390, 844)
@@ -36,8 +34,7 @@ def serving(folder: Path, song: Path | None = None, repertoire=None) -> Iterator
         service.desk.folder = folder
     listening = _listening("127.0.0.1", 0)
     access = Access.of("127.0.0.1", listening.getsockname()[1])
-    config = uvicorn.Config(make_app(service, access), log_level="warning", lifespan="off")
-    server = uvicorn.Server(config)
+    server = make_server(service, access)
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
     try:

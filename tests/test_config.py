@@ -90,6 +90,7 @@ def test_a_file_replaces_defaults(tmp_path):
         ("weights = 3", "weights"),
         ("weights = {style = 'much'}", "style"),
         ("weights = {style = inf}", "style"),
+        ("weights = {style = -0.5}", "style"),
         ("weights = {style = 1" + 400 * "0" + "}", "style"),
     ],
 )

@@ -1,7 +1,8 @@
 """The documentation holds: its commands and its Python run, its links work, its table of rooms is the code's.
 
 The commands of a page run in a folder that holds the files which the pages name. They cost less here and mean
-the same: songs last a few seconds and videos one, and a library of five takes stands for the built-in one.
+the same: songs last a few seconds and videos one, and a library of five takes stands for the built-in one. A
+browser closes what it is shown, and no song is played. Lines of other programs are not run.
 """
 
 from __future__ import annotations
@@ -10,9 +11,13 @@ import re
 import runpy
 import shlex
 import shutil
+import signal
+import tomllib
+import webbrowser
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -21,6 +26,7 @@ from command_line import run
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
+from synthetic_studies import rate_all, read_key
 from test_rooms import MAY_IMPORT
 
 import choreograph as cg
@@ -31,16 +37,22 @@ from choreograph.nets import configs
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PAGES = {page.relative_to(DOCS).as_posix(): page for page in sorted(DOCS.rglob("*.md"))}
-BESIDE = [*ROOT.glob("*.md"), *ROOT.glob("blender_extension/*.md"), *ROOT.glob("data_schema/*.md")]
+GUIDES = {name: ROOT / name for name in ("README.md", "blender_extension/README.md")}
+PAGES = GUIDES | {page.relative_to(DOCS).as_posix(): page for page in sorted(DOCS.rglob("*.md"))}
+BESIDE = [*set(ROOT.glob("*.md")) - set(GUIDES.values()), *ROOT.glob("data_schema/*.md")]
 SONG_S = {"how-to/keep.md": 10.5, "how-to/edit.md": 10.5}  # they name parts that end at 10 s
+SONG_S |= {"how-to/live.md": 1.5}  # it is sent as fast as it sounds
+OF_BUILT_IN = ("how-to/stream.md",)  # pages that need the networks of the built-in library
 SHORTER = {".mp4": ["--duration", "1"]}  # by the suffix of the output
+QUIETER = {"live": ["--silent"]}  # by the command
 WRITES = ("-o", "--plots", "--save-map", "--report", "--json")
 TAKES = ("walk", "house-01", "house-07", "salsa-01", "swing-01")
 BUILD = "choreograph build-db takes/ -o library.h5 --preset tiny"
 # `% not run: it needs Blender` above a block says why it is not run here.
-BLOCK = re.compile(r"(?:^% not run: (\S.*)\n)?^```(\w+)\n(.*?)^```", flags=re.S | re.M)
-NOT_RUN = {"how-to/studio.md": 1, "how-to/study.md": 1, "how-to/stream.md": 1}  # blocks
+BLOCK = re.compile(r"(?:^% not run: (\S[^\n]*)\n)?^```([^\n]*)\n(.*?)^```$", flags=re.S | re.M)
+COMMANDS = ("console", "sh", "")  # languages of blocks of commands
+OTHERS = ("pip install ", "make ", "blender ", "dask ", "arecord ")  # lines of other programs
+NOT_RUN = {"how-to/library.md": 2, "how-to/live.md": 1}  # commands
 LINK = re.compile(r"\]\(([^)\s#:]*)(?:#([^)\s]+))?\)")
 
 
@@ -50,10 +62,15 @@ def blocks(page: Path, language: str, *, run: bool = True) -> list[str]:
     return [text for reason, of, text in found if of == language and bool(reason) != run]
 
 
-def commands(page: Path, *, run: bool = True) -> list[str]:
-    lines = [line for block in blocks(page, "console", run=run) for line in block.splitlines()]
-    assert all(line.startswith("$ choreograph ") for line in lines), lines
+def lines_of(page: Path, *, run: bool = True) -> list[str]:
+    """The lines of commands, without comments and prompts."""
+    texts = [text for language in COMMANDS for text in blocks(page, language, run=run)]
+    lines = [line.partition(" #")[0].strip() for text in texts for line in text.splitlines()]
     return [line.removeprefix("$ ") for line in lines]
+
+
+def commands(page: Path, *, run: bool = True) -> list[str]:
+    return [line for line in lines_of(page, run=run) if line.startswith("choreograph ")]
 
 
 @pytest.fixture(scope="session")
@@ -76,7 +93,7 @@ def files(tmp_path_factory):
     for seed, name in enumerate(TAKES):
         save_motion(folder / "takes" / f"{name}.bvh", stepping(16 * 30, seed=seed))
         write_clicks(folder / "takes" / f"{name}.wav", duration_s=16.0)
-    for source, name in (("new", "turn"), ("again", "house-01")):
+    for source, name in (("new", "turn"), ("again", "house-01"), ("ours", "a"), ("edge", "a")):
         (folder / source).mkdir()
         save_motion(folder / source / f"{name}.bvh", stepping(12 * 30, seed=9))
     with pytest.MonkeyPatch.context() as patch:
@@ -88,13 +105,36 @@ def files(tmp_path_factory):
     return folder
 
 
+def rate() -> None:
+    """Put the files of three raters into the folder of a study."""
+    variants = {dance["variant"] for dance in read_key(Path("study"))["dances"]}
+    rate_all(Path("study"), dict.fromkeys(variants, 3.0), n_raters=3)
+
+
+BEFORE = {"choreograph study show study/": rate}  # what others do before a command
+
+
+SERVED = ("choreograph studio song.mp3",)  # until Ctrl-C stops it
+STOPPED = 130  # the exit status then
+
+
+def look_and_close(address: str) -> bool:
+    """What a browser shows is there. If the program serves it, it is stopped as by Ctrl-C."""
+    with urlopen(address, timeout=10) as page:
+        assert b"<html" in page.read().lower()
+    if address.startswith("http"):
+        signal.raise_signal(signal.SIGINT)
+    return True
+
+
 def run_command(line: str) -> None:
     """Run a command of a page, which succeeds and writes all that it names."""
     _, *words = shlex.split(line)
     outputs = [after for word, after in pairwise(words) if word in WRITES]
     shorter = next((more for suffix, more in SHORTER.items() if any(o.endswith(suffix) for o in outputs)), [])
-    result = run(*words, *shorter)
-    assert result.exit_code == 0, f"{line}: {result.output}"
+    BEFORE.get(line, lambda: None)()
+    result = run(*words, *shorter, *QUIETER.get(words[0], []))
+    assert result.exit_code == (STOPPED if line in SERVED else 0), f"{line}: {result.output}"
     for output in map(Path, outputs):
         name = output.stem.replace("{song}", "") + "*" + output.suffix  # of several dances, each has a number
         assert any(output.parent.glob(name)), f"{line} did not write {output}"
@@ -107,13 +147,16 @@ def run_command(line: str) -> None:
 def test_the_commands_and_the_python_of_a_page_run(name, files, tmp_path, monkeypatch):
     shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(builtin, "STARTER_PATH", tmp_path / "library.h5")
+    monkeypatch.setattr(webbrowser, "open", look_and_close)
+    if name not in OF_BUILT_IN:
+        monkeypatch.setattr(builtin, "STARTER_PATH", tmp_path / "library.h5")
     house = cg.load_song(cg.example_songs()["house"], duration_s=SONG_S.get(name, 5.5))
-    Path("heldout").mkdir()
-    for path, duration_s in (("song.mp3", house.duration_s), ("other.mp3", 3.0), ("heldout/a.wav", 3.0)):
-        soundfile.write(path, house.samples[: round(duration_s * SAMPLE_RATE_HZ)], SAMPLE_RATE_HZ)
+    soundfile.write("song.mp3", house.samples, SAMPLE_RATE_HZ)
+    for path in map(Path, ("other.mp3", "heldout/a.wav", "songs/a.wav")):
+        path.parent.mkdir(exist_ok=True)
+        soundfile.write(path, house.samples[: 3 * SAMPLE_RATE_HZ], SAMPLE_RATE_HZ)
     for line in commands(PAGES[name]):
-        if line != BUILD:  # that is how the library was made that lies here
+        if not BUILD.startswith(line):  # the library that lies here was made so, with the shortest trainings
             run_command(line)
     for block in blocks(PAGES[name], "python"):
         exec(compile(block, name, "exec"), {})
@@ -135,6 +178,16 @@ def test_blocks_that_are_not_run_are_few_and_their_options_exist(name):
         _, *words = shlex.split(line)
         result = run(*words, "--help")
         assert result.exit_code == 0, result.output
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_lines_of_other_programs_name_extras_and_targets_that_exist(name):
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for line in lines_of(PAGES[name]) + lines_of(PAGES[name], run=False):
+        assert line.startswith(("choreograph ", *OTHERS)), line
+        assert set(re.findall(r"choreograph\[(\w+)\]", line)) <= set(extras), line
+        if line.startswith("make "):
+            assert re.search(rf"^{line.split()[1]}:", (ROOT / "Makefile").read_text(), flags=re.M), line
 
 
 def headings(page: Path) -> set[str]:

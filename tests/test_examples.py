@@ -278,15 +278,6 @@ def test_files_that_a_page_names_exist(page):
         assert path.exists(), path
 
 
-def test_python_in_the_readme_compiles_and_names_public_names():
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.S)
-    assert blocks
-    for block in blocks:
-        compile(block, "README.md", "exec")
-        for name in re.findall(r"\bcg\.(\w+)", block):
-            assert hasattr(cg, name), name
-
-
 @pytest.mark.slow
 def test_the_first_command_prints_what_the_readme_says(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

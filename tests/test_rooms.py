@@ -62,6 +62,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "click": ("cli",),
     "click_option_group": ("cli",),
     "filelock": ("core",),
+    "h11": ("studio.patience",),
     "h5py": ("library.hdf5", "library.store", "library.writing"),
     "lazy_loader": ("", "evaluation"),
     "librosa": ("music.beats",),
@@ -86,7 +87,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "starlette": ("studio",),
     "threadpoolctl": ("core.numerics", "library.motifs", "choreography.graph.planners"),
     "torch": ("nets", "core.numerics"),
-    "uvicorn": ("studio.serve",),
+    "uvicorn": ("studio.serve", "studio.patience"),
 }
 
 

@@ -17,9 +17,10 @@ from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
-from choreograph.core import installed, installed_names
+from choreograph.core.arguments import check_choice, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import NO_MEMORY, Memory
+from choreograph.core.plugins import installed
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -28,7 +29,7 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan import SHORTEST_STOP_S, Plan
 from choreograph.render.dynamics import amplitudes
-from choreograph.settings import ENGINE_GROUP, DanceConfig
+from choreograph.settings import ENGINE_GROUP, DanceConfig, settings_of
 
 # The built-in engines. Their modules import this one, so they are imported when `engines` is called.
 BUILTIN_ENGINES = {
@@ -37,7 +38,7 @@ BUILTIN_ENGINES = {
     "rollout": "choreograph.choreography.rollout.engine:RolloutEngine",
 }
 # The settings that every engine uses.
-COMMON_SETTINGS = frozenset({"engine", "hold_ends", "dynamics", "fps", "seed", "beats", "cache"})
+COMMON_SETTINGS = settings_of("")
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,16 +172,32 @@ class Engine(Protocol):
 
 def engines() -> dict[str, Engine]:
     """The engines by name: the built-in ones, then those of other packages."""
-    kinds = {name: resolve_name(place) for name, place in BUILTIN_ENGINES.items()}
-    return {name: kind() for name, kind in {**kinds, **installed(ENGINE_GROUP)}.items()}
+    builtin = {name: resolve_name(place)() for name, place in BUILTIN_ENGINES.items()}
+    return builtin | {name: kind() for name, kind in installed(ENGINE_GROUP, _check_engine).items()}
 
 
 def engine_named(name: str) -> Engine:
-    """The engine of this name. A built-in one is made without loading the others."""
-    if name not in BUILTIN_ENGINES or name in installed_names(ENGINE_GROUP):
-        return engines()[name]
-    made: Engine = resolve_name(BUILTIN_ENGINES[name])()
-    return made
+    """The engine of this name. A built-in one is made without loading the others.
+
+    Raises `ParameterError` for an engine of another package that cannot be loaded.
+    """
+    if name in BUILTIN_ENGINES:
+        made: Engine = resolve_name(BUILTIN_ENGINES[name])()
+        return made
+    known = engines()
+    check_choice("engine", name, known)
+    return known[name]
+
+
+def _check_engine(name: str, kind: Any) -> None:
+    """Raise unless the class of another package makes an engine of this name."""
+    engine = kind()
+    if engine.name != name:
+        raise unexpected(f"an engine with the name {name!r} of its entry point", engine.name)
+    if not all(isinstance(setting, str) for setting in engine.settings):
+        raise unexpected("the settings of the engine as names", engine.settings)
+    if not (callable(engine.check) and callable(engine.plan)):
+        raise unexpected("an engine with the methods check and plan", kind)
 
 
 def engine_for(config: DanceConfig, constraints: Constraints) -> str:

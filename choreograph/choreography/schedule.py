@@ -20,6 +20,7 @@ Value = TypeVar("Value")
 _ALL = ("section", "chorus", "verse", "phrase")  # without a number, all of them
 _PHRASE_COUNTS = 16  # of a song whose phrases are not known
 _SHORTEST_S = 2.0  # between two borders
+_JUST_S = 0.01  # after a border, a part that begins there holds
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,30 @@ def borders_s(
     return sorted(kept)
 
 
-def value_at(schedule: Sequence[Scheduled[Value]], time_s: float, places: Places, duration_s: float) -> Value:
-    """The value at a time: the last one given for a span that contains it."""
-    value = schedule[0].value
-    for entry in schedule:
-        spans_s = spans_of(entry.when, places, duration_s) if entry.when else []
-        if any(start_s - 1e-3 <= time_s < end_s - 1e-3 for start_s, end_s in spans_s):
-            value = entry.value
-    return value
+def values_at(
+    what: str,
+    schedule: Sequence[Scheduled[Value]],
+    starts_s: Sequence[float],
+    places: Places,
+    duration_s: float,
+) -> list[Value]:
+    """The value from each of the starts on: the last one given for a span that contains it.
+
+    Raises `ParameterError` for a value of a part of the song that then holds nowhere.
+    """
+    spans_s = [spans_of(entry.when, places, duration_s) if entry.when else [] for entry in schedule]
+    held = [
+        max(
+            index
+            for index, of_entry in enumerate(spans_s)
+            if not index or any(start_s - 1e-3 <= time_s + _JUST_S < end_s for start_s, end_s in of_entry)
+        )
+        for time_s in starts_s
+    ]
+    for index, entry in enumerate(schedule):
+        if entry.when and index not in held:
+            raise ParameterError(
+                f"expected a part of the song for the {what} at {entry.when}, got one that a later {what} "
+                f"covers, or within {_SHORTEST_S:g} s of the start or end: name another part"
+            )
+    return [schedule[index].value for index in held]

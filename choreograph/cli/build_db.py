@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -11,18 +12,21 @@ from typing import TYPE_CHECKING, Any
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import (
+from choreograph.cli.declared import (
+    Changed,
     Command,
-    check_outputs_apart,
-    examples,
-    given_options,
+    Given,
+    Input,
+    Output,
+    after_at,
+    after_equals,
+    argument,
     given_settings,
+    grouped,
+    local,
     names_of,
-    printable,
-    say,
-    show_notes,
-    stages,
 )
+from choreograph.cli.present import examples, printable, say, show_notes, stages
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import counted
 from choreograph.core.workers import is_of_torchrun
@@ -30,19 +34,17 @@ from choreograph.core.workers import is_of_torchrun
 if TYPE_CHECKING:
     from choreograph.library.building.options import BuildOptions, BuildResult
 
-_FILE = click.Path(path_type=Path)
+# The modes of the command: a build, a check of the sources, and a change of a repertoire.
+_BUILD, _CHECK, _CHANGE = "", "check", "change"
+_built = partial(grouped, modes=(_BUILD, _CHECK))
+_changing = partial(grouped, selects=_CHANGE, multiple=True)
 
 
-class _Source(click.Path):
-    """A path, or an address such as s3://bucket/takes, which stays a text."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path or the text."""
-        is_text = isinstance(value, str) and "://" in value
-        return value if is_text else super().convert(value, param, ctx)
+def _is_replaced(given: Given) -> bool:
+    """Whether the sources are a repertoire that is replaced."""
+    return given["output"] is None and bool(given["add"] or given["replace"] or given["remove"])
 
 
-_SOURCE = _Source(path_type=Path)
 _PUBLISHED = ("augment_mirror", "init_from", "keep_networks")  # settings that --published needs as they are
 _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 
@@ -50,6 +52,7 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
 @click.command(
     "build-db",
     cls=Command,
+    reasons={_CHANGE: "keep the networks, while a build from all takes with --init-from trains them"},
     short_help="Build a repertoire from takes and their songs.",
     epilog=examples(
         "choreograph build-db takes/ -o rep.h5                      NAME.bvh with NAME.wav in one folder",
@@ -63,100 +66,101 @@ _WIDEST = 80  # letters of a column of --check. Longer cells push the next ones
         "choreograph build-db --replace again/ --remove W_1 rep.h5 -o rep2.h5",
     ),
 )
-@click.argument("sources", nargs=-1, required=True, type=_SOURCE)
+@argument("sources", nargs=-1, required=True, type=Changed("takes", local, _is_replaced))
 @optgroup.group("Output")
-@optgroup.option("-o", "--output", type=_FILE, help="Repertoire to write. Required without --check.")
-@optgroup.option(
-    "--check", is_flag=True,
+@grouped("-o", "--output", type=Output(), help="Repertoire to write. Required without --check.")
+@grouped(
+    "--check", is_flag=True, selects=_CHECK,
     help="Build nothing. Read the sources and print a row for each file with its rig, units, counts and "
     "length, and whether a build would use it.",
 )  # fmt: skip
-@optgroup.option(
-    "--compress", is_flag=True, default=None, help="Store motion in 16 bits: a ninth of the size."
-)
-@optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
+@_built("--compress", is_flag=True, default=None, help="Store motion in 16 bits: a ninth of the size.")
+@grouped("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
 @optgroup.group("Changes of the repertoire SOURCES, which is replaced unless -o names another file")
-@optgroup.option(
-    "--add", multiple=True, type=_SOURCE, metavar="SOURCE", help="Add the takes of this source. Repeatable."
+@_changing(
+    "--add", type=Input("takes", local), metavar="SOURCE", help="Add the takes of this source. Repeatable."
 )
-@optgroup.option(
-    "--replace", multiple=True, type=_SOURCE, metavar="SOURCE",
+@_changing(
+    "--replace", type=Input("takes", local), metavar="SOURCE",
     help="Replace its takes of the same names by those of this source. Repeatable.",
 )  # fmt: skip
-@optgroup.option(
-    "--remove", multiple=True, metavar="TAKE", help="Remove this take, or those of @FILE. Repeatable."
+@_changing(
+    "--remove",
+    type=Input("list", after_at),
+    metavar="TAKE",
+    help="Remove this take, or those of @FILE. Repeatable.",
 )
 @optgroup.group("Takes")
-@optgroup.option("--leave-out", multiple=True, metavar="TAKE", help="Leave out this take, or @FILE of names.")
-@optgroup.option(
-    "--skip-bad", is_flag=True, default=None, help="Skip files that cannot be read, and print a note."
+@grouped(
+    "--leave-out",
+    type=Input("list", after_at),
+    multiple=True,
+    metavar="TAKE",
+    help="Leave out this take, or @FILE of names.",
 )
-@optgroup.option(
-    "--lock-feet/--no-lock-feet", default=None, help="Keep standing feet of takes in place (on)."
-)
-@optgroup.option(
+@grouped("--skip-bad", is_flag=True, default=None, help="Skip files that cannot be read, and print a note.")
+@_built("--lock-feet/--no-lock-feet", default=None, help="Keep standing feet of takes in place (on).")
+@_built(
     "--density", metavar="analytic|learned",
     help="Tempo-density of the clips: from their motion beats (analytic, the default), or of two networks "
     "that are trained for it (learned).",
 )  # fmt: skip
-@optgroup.option(
+@_built(
     "--beats", metavar="network|tempo-path|librosa|beat-this", help="Beat tracker for the songs (network)."
 )
-@optgroup.option(
+@grouped(
     "--allow-outside", is_flag=True, default=None,
     help="Read songs that a manifest.csv names outside of its folder.",
 )  # fmt: skip
-@optgroup.option(
-    "--map", "map_path", type=_FILE,
+@grouped(
+    "--map", "map_path", type=Input("map"),
     help="Map of the bones of the takes, as written by `retarget --save-map` (.json).",
 )  # fmt: skip
 @optgroup.group("Networks")
-@optgroup.option(
+@_built(
     "--preset", metavar="tiny|small|paper",
     help="Size of the networks. tiny: for a first try. small (default): for two CPU cores. paper: for a GPU.",
 )  # fmt: skip
-@optgroup.option(
+@_built(
     "--published", is_flag=True,
     help="Train as both papers were published, for `dance --config published`: their losses, inputs, batch "
     "and rate. The preset scales widths and epochs: 10 epochs for tiny, 100 for small, all 10,000 for paper.",
 )  # fmt: skip
-@optgroup.option(
-    "--rollout", is_flag=True, default=None, help="Also train the network of `dance --engine rollout`."
-)
-@optgroup.option("--init-from", type=_FILE, help="Start from the networks of another repertoire.")
-@optgroup.option(
+@_built("--rollout", is_flag=True, default=None, help="Also train the network of `dance --engine rollout`.")
+@_built("--init-from", type=Input("repertoire"), help="Start from the networks of another repertoire.")
+@_built(
     "--pretrained", metavar="default|clean|research|nothing",
     help="Shipped networks that style and words start from (preset small), and that count takes by their "
     "motion. clean: trained on our own takes only. research: also on data that states no licence. Default: "
     "clean for style, research for counts.",
 )  # fmt: skip
-@optgroup.option(
+@_built(
     "--keep-networks", is_flag=True, default=None,
     help="Use the networks and motifs of --init-from, or the shipped style and motion words, without "
     "training.",
 )  # fmt: skip
 @optgroup.group("Training")
-@optgroup.option(
+@grouped(
     "--workers", type=int, metavar="N",
     help="Processes that read and measure takes: one for each CPU core (0).",
 )  # fmt: skip
-@optgroup.option(
+@grouped(
     "--dask", metavar="ADDRESS",
     help="Dask scheduler whose workers read and measure takes, such as tcp://10.0.0.5:8786.",
 )  # fmt: skip
-@optgroup.option(
+@grouped(
     "--stage", is_flag=True, default=None,
     help="Send takes and songs along to the workers of --dask, which then need no access to them.",
 )  # fmt: skip
-@optgroup.option(
+@grouped(
     "--no-cache", is_flag=True,
     help="Read and measure all takes again, also those that an earlier build has measured.",
 )  # fmt: skip
-@optgroup.option("--resume", is_flag=True, default=None, help="Continue a build that was stopped.")
-@optgroup.option("--device", metavar="auto|cpu|cuda", help="Where to train: a GPU if there is one (auto).")
-@optgroup.option("--seed", type=int, help="Seed of the training (0).")
-@optgroup.option(
-    "--set", "assigned", multiple=True, metavar="NAME=VALUE",
+@_built("--resume", is_flag=True, default=None, help="Continue a build that was stopped.")
+@_built("--device", metavar="auto|cpu|cuda", help="Where to train: a GPU if there is one (auto).")
+@_built("--seed", type=int, help="Seed of the training (0).")
+@_built(
+    "--set", "assigned", type=Input("setting", after_equals), multiple=True, metavar="NAME=VALUE",
     help="Any other setting, such as words=false. Repeatable. `choreograph settings --build` lists them.",
 )  # fmt: skip
 def command(
@@ -192,7 +196,6 @@ def command(
     is_change = bool(add or replace or remove)
     if output is None and not check and not is_change:
         raise click.UsageError("Missing option '-o' / '--output'.")
-    check_outputs_apart([output], named_by=("output",))
     options["leave_out"] = names_of(leave_out) or None
     options["cache_gb"] = 0.0 if no_cache else None
     options["bone_map"] = read_bone_map(map_path) if map_path else None
@@ -244,14 +247,6 @@ def _show(built: BuildResult) -> None:
     say(f"{built.path}: {counted(takes, 'take')}, {counted(clips, 'clip')}")
 
 
-_CHANGES = ("--add", "--replace", "--remove")
-# The other options that a change of a repertoire has: those about the reading of sources.
-_OF_CHANGES = (
-    *_CHANGES, "--output", "--quiet", "--leave-out", "--skip-bad", "--allow-outside", "--map", "--workers",
-    "--dask", "--stage", "--no-cache",
-)  # fmt: skip
-
-
 def _change(
     repertoires: Sequence[Path | str],
     output: Path | None,
@@ -265,13 +260,6 @@ def _change(
     """Add, replace and remove takes of a repertoire."""
     import choreograph as cg
 
-    if others := [
-        option for option in given_options() if option.startswith("-") and option not in _OF_CHANGES
-    ]:
-        raise ParameterError(
-            f"expected no {others[0]} beside {', '.join(_CHANGES)}, which keep the networks: to train them "
-            "again, build from all takes with --init-from"
-        )
     if len(repertoires) != 1:
         raise ParameterError(f"expected one repertoire to change, got {len(repertoires)} paths")
     [path] = repertoires

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from choreograph.cli.present import (
-    Command,
-    check_output_options,
-    check_outputs_apart,
-    examples,
-    say,
-    show_notes,
-)
+from choreograph.cli.declared import Command, Input, Output, argument, option, unused_options
+from choreograph.cli.present import examples, say, show_notes
 from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ParameterError
 from choreograph.core.files import check_target
+from choreograph.formats import motion_formats
 
 if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
     from choreograph.motion.motion import Motion
 
 AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
-_FILE = click.Path(path_type=Path)
 NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "humanoid", "rigify")
 TARGET_NAMES: tuple[TargetName, ...] = ("unreal", "unity", "vrchat", "blender", "mmd", "godot")
 RESTS: tuple[RestPose, ...] = ("t", "a")
@@ -35,22 +31,25 @@ UNITS = {"cm": 100.0, "m": 1.0}  # units of a .bvh, with their number per metre
 
 def for_program(command: AnyCommand) -> AnyCommand:
     """Add the option of the program that a file is for. The function gets it as `target`."""
-    shown = f"Program that a .glb or .vmd is for: {', '.join(TARGET_NAMES)}."
-    return click.option("--for", "target", type=click.Choice(TARGET_NAMES), metavar="PROGRAM", help=shown)(
-        command
-    )
+    shown = f"Program that the file is for: {', '.join(TARGET_NAMES)}."
+    kind = click.Choice(TARGET_NAMES)
+    added: AnyCommand = option(
+        "--for", "target", type=kind, metavar="PROGRAM", saves="target", written="motions", help=shown
+    )(command)
+    return added
 
 
 def bvh_options(command: AnyCommand) -> AnyCommand:
     """Add the options of BVH files. The function gets them by the names of `bvh_of`'s arguments."""
+    bvh = partial(option, saves="bvh", written="motions")
     options = (
-        click.option("--names", "naming", type=click.Choice(NAMINGS), help="Joint names of a .bvh (smpl)."),
-        click.option("--units", type=click.Choice(tuple(UNITS)), help="Units of a .bvh (cm)."),
-        click.option("--rest", type=click.Choice(RESTS), help="A standing rest pose in a .bvh: T or A."),
-        click.option("--in-place", is_flag=True, help="The hips stay in one place, in a .bvh."),
+        bvh("--names", "naming", type=click.Choice(NAMINGS), help="Joint names (smpl)."),
+        bvh("--units", type=click.Choice(tuple(UNITS)), help="Units (cm)."),
+        bvh("--rest", type=click.Choice(RESTS), help="A standing rest pose: T or A."),
+        bvh("--in-place", is_flag=True, help="The hips stay in one place."),
     )
-    for option in reversed(options):
-        command = option(command)
+    for one in reversed(options):
+        command = one(command)
     return command
 
 
@@ -70,13 +69,24 @@ def bvh_of(naming: Naming | None, units: str | None, rest: RestPose | None, in_p
         "choreograph convert take.bvh ue.bvh --names ue --fps 30",
         "choreograph convert walk.bvh salsa.glb clips.glb --for godot     an animation of each, in one .glb",
     ),
+    help="Write MOTION, a file of any format that build-db reads, to OUTPUT.\n\n"
+    f"The suffix selects the format: {', '.join(f'.{name}' for name in motion_formats())}. Several are "
+    "animations of one body in a .glb, each with the name of its file. OUTPUT must be a new file, unless "
+    "--force is given.",
 )
-@click.argument("motions", nargs=-1, required=True, type=_FILE, metavar="MOTION...")
-@click.argument("output", type=_FILE)
-@click.option("--fps", type=click.FloatRange(1, 1000), help="Frames per second. Default: MOTION's.")
-@click.option("--map", "map_path", type=_FILE, help="Map of the bones of MOTION (.json).")
+@argument("motions", nargs=-1, required=True, type=Input("motion"), metavar="MOTION...")
+@argument("output", type=Output())
+@option(
+    "--fps",
+    type=click.FloatRange(1, 1000),
+    saves="fps",
+    written="motions",
+    help="Frames per second. Default: MOTION's.",
+)
+@option("--map", "map_path", type=Input("map"), help="Map of the bones of MOTION (.json).")
 @for_program
 @bvh_options
+@option("--force", is_flag=True, help="Replace OUTPUT if it exists.")
 def convert(
     motions: tuple[Path, ...],
     output: Path,
@@ -87,13 +97,9 @@ def convert(
     units: str | None,
     rest: RestPose | None,
     in_place: bool,
+    force: bool,
 ) -> None:
-    """Write MOTION, a file of any format that build-db reads, to OUTPUT.
-
-    The suffix selects the format: .bvh, .npz, .glb, .vrma, .vmd, .usda, .usdc or .fbx. Several are animations
-    of one body in a .glb, each with the name of its file.
-    """
-    from choreograph.formats import writers
+    """Write motions to a file."""
     from choreograph.formats.bvh import BvhWriter
     from choreograph.formats.glb import clips_document
     from choreograph.formats.register import save_motion
@@ -101,11 +107,15 @@ def convert(
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.pipeline.saving import check_outputs, save_document
 
-    if output.suffix.lower().removeprefix(".") not in writers():
-        raise unexpected(f"a file of {', '.join(f'.{name}' for name in writers())}", str(output))
+    if output.suffix.lower().removeprefix(".") not in motion_formats():
+        raise unexpected(f"a file of {', '.join(f'.{name}' for name in motion_formats())}", str(output))
     check_outputs([output])
-    check_outputs_apart([output], named_by=("output",))
-    check_output_options([output])
+    if output.exists() and not force:
+        raise ParameterError(
+            f"expected a new file as OUTPUT, the last name, got {output}, which exists: name the output, or "
+            "use --force to replace this file"
+        )
+    unused_options([output])
     _check_several(motions, output)
     if target is not None:
         check_target_format(target, output)
@@ -149,13 +159,11 @@ def _said_of(clips: Mapping[str, Motion]) -> str:
         "choreograph retarget walk.bvh salsa.bvh hero.glb -o out.glb              an animation of each",
     ),
 )
-@click.argument("motions", nargs=-1, required=True, type=_FILE, metavar="MOTION...")
-@click.argument("character", type=_FILE)
-@click.option(
-    "-o", "--output", required=True, type=_FILE, help="The character with the motion (.glb or .fbx)."
-)
-@click.option("--map", "map_path", type=_FILE, help="Map of the bones, as written by --save-map (.json).")
-@click.option("--save-map", type=_FILE, help="Write the map of bones that were found (.json), to be edited.")
+@argument("motions", nargs=-1, required=True, type=Input("motion"), metavar="MOTION...")
+@argument("character", type=Input("character"))
+@option("-o", "--output", required=True, type=Output(), help="The character with the motion (.glb or .fbx).")
+@option("--map", "map_path", type=Input("map"), help="Map of the bones, as written by --save-map (.json).")
+@option("--save-map", type=Output(), help="Write the map of bones that were found (.json), to be edited.")
 @for_program
 def retarget(
     motions: tuple[Path, ...],
@@ -177,7 +185,7 @@ def retarget(
     _check_several(motions, output)
     check_outputs([output])
     check_map_target(save_map)
-    check_outputs_apart([output, save_map], named_by=("output", "save_map"))
+    unused_options([output])
     if target is not None:
         check_target_format(target, output)
     figure = character_of(character, map_path)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import Command, check_outputs_apart, examples, say, stages
+from choreograph.cli.declared import Command, Input, Output, argument, option, whole
+from choreograph.cli.present import examples, say, stages
 from choreograph.core.counts import ANNOTATED, DATA_SET, FROM_MOTION, FROM_MUSIC
 from choreograph.core.progress import counted as number_of
 
@@ -35,15 +36,15 @@ _SOURCES = {
         "choreograph count walk.glb -o walk-counted.glb        with its counts in the animation",
     ),
 )
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE",
+@argument("file", type=Input("motion"))
+@option(
+    "-o", "--output", type=Output(), metavar="FILE",
     help="Write the counts: a table (.csv), JSON (.json), labels of Audacity (.txt), or the animation with "
     "its counts (.glb, .usda, .usdc).",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print all facts as JSON.")
-@click.option(
-    "--beats", metavar="TRACKER|FILE",
+@option("--json", "as_json", is_flag=True, help="Print all facts as JSON.")
+@option(
+    "--beats", type=Input("beats", whole), metavar="TRACKER|FILE",
     help="Tracker of a song's beats, or a file of them. Default: network.",
 )  # fmt: skip
 def command(file: Path, output: Path | None, as_json: bool, beats: str | None) -> None:
@@ -56,7 +57,6 @@ def command(file: Path, output: Path | None, as_json: bool, beats: str | None) -
     from choreograph.library.songs import DEFAULT_BEATS
     from choreograph.pipeline.counting import count_file, save_counts
 
-    check_outputs_apart([output], named_by=("output",))
     with stages(quiet=as_json) as shown:
         shown.report("counting", 0, 0)
         counted = count_file(file, beats=beats or DEFAULT_BEATS)

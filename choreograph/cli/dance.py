@@ -11,22 +11,10 @@ import click
 
 from choreograph.cli.characters import check_map_target, write_map
 from choreograph.cli.dance_jobs import Job, check_jobs, jobs_of, present, with_free_names
-from choreograph.cli.dance_options import (
-    DanceCommand,
-    DanceOptions,
-    FileOptions,
-    check_options_with_plan,
-    dance_options,
-    options_of,
-)
+from choreograph.cli.dance_options import DanceCommand, DanceOptions, FileOptions, dance_options, options_of
 from choreograph.cli.dance_songs import SongDances, run_jobs, with_checked_requests
-from choreograph.cli.present import (
-    StageLines,
-    check_output_options,
-    examples,
-    input_files,
-    stages,
-)
+from choreograph.cli.declared import Input, argument, inputs, unused_options
+from choreograph.cli.present import StageLines, examples, stages
 from choreograph.core.errors import ParameterError
 
 
@@ -46,7 +34,7 @@ from choreograph.core.errors import ParameterError
         "choreograph dance song.mp3 --plan plan.json -o a.bvh     renders an edited plan",
     ),
 )
-@click.argument("songs", nargs=-1, metavar="[SONG]...", type=click.Path(path_type=Path))
+@argument("songs", nargs=-1, metavar="[SONG]...", type=Input("song"))
 @dance_options
 def command(
     songs: tuple[Path, ...],
@@ -62,19 +50,18 @@ def command(
     if workers is not None and workers < 0:
         raise ParameterError(f"expected --workers of 0 or more, got {workers}")
     files, asked = options_of(FileOptions, options), options_of(DanceOptions, options)
-    if plan_path is not None:
-        check_options_with_plan(songs)
+    if plan_path is not None and len(songs) > 1:
+        raise ParameterError(f"expected one SONG beside --plan, got {len(songs)}")
     jobs = jobs_of(songs or ((plan_path,) if plan_path else ()), files.output, files.opened, variations)
-    notes = check_output_options(jobs[0].outputs[0])
-    inputs = input_files(except_for=("output", "save_map"), with_songs=("motifs",))
-    jobs, moved = with_free_names(jobs, files.output, inputs, force=files.force)
+    notes, read = unused_options(jobs[0].outputs[0]), inputs()
+    jobs, moved = with_free_names(jobs, files.output, read, force=files.force)
     check_map_target(files.save_map)
-    check_jobs(jobs, files.save_map, inputs)
+    check_jobs(jobs, files.save_map, read)
     first, notes = jobs[0].outputs[0], (*notes, *moved)
     sound = songs[0] if plan_path is not None and songs else None
     dances = SongDances(db, asked, files, variations, strict, plan_path, sound)
     _check_character(dances, first)
-    sounds = _checked_sounds(files.target, jobs, inputs)
+    sounds = _checked_sounds(files.target, jobs, read)
     if sounds and (plan_path is None or sound is not None):  # a plan alone has no sound
         notes = (*notes, f"the danced part of the song is written to {', '.join(map(str, sounds))}")
     dances = with_checked_requests(dances, jobs)
@@ -82,7 +69,7 @@ def command(
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
         results = run_jobs(
             jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "",
-            shared=_shared(inputs, jobs),
+            shared=_shared(read, jobs),
         )  # fmt: skip
     if any(result.dances for result in results):
         write_map(files.save_map, dances.character())
@@ -92,13 +79,13 @@ def command(
         click.launch(page.resolve().as_uri())
 
 
-def _shared(inputs: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
+def _shared(read: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
     """The files that are read for more than one song."""
     songs = {job.song for job in jobs}
-    return [path for path in inputs if path not in songs]
+    return [path for path in read if path not in songs]
 
 
-def _checked_sounds(target: str | None, jobs: Sequence[Job], inputs: Sequence[Path]) -> list[Path]:
+def _checked_sounds(target: str | None, jobs: Sequence[Job], read: Sequence[Path]) -> list[Path]:
     """The sounds that the program of --for plays with outputs.
 
     Raises `ParameterError` if the program reads no output, or a sound would replace another file.
@@ -111,10 +98,10 @@ def _checked_sounds(target: str | None, jobs: Sequence[Job], inputs: Sequence[Pa
         return sounds
     for job in jobs:
         paths = [path for paths in job.outputs for path in paths]
-        read = [path for path in paths if reads(target, path)]
-        if not read:
+        played = [path for path in paths if reads(target, path)]
+        if not played:
             check_target_format(target, paths[0])
-        sounds += [sound_beside(path, inputs) for path in read if target == "mmd"]
+        sounds += [sound_beside(path, read) for path in played if target == "mmd"]
     return sounds
 
 
@@ -122,8 +109,6 @@ def _check_character(dances: SongDances, outputs: tuple[Path, ...]) -> None:
     """Raise `ParameterError` for a map alone, or for a page that cannot show the character."""
     from choreograph.pipeline.saving import check_character
 
-    files, character = dances.files, dances.character()
+    character = dances.character()
     if character is not None:
         check_character(character, outputs)
-    elif files.map_path or files.save_map:
-        raise ParameterError("expected --character FILE beside --map or --save-map")

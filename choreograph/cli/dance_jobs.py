@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from choreograph.cli.dance_options import SONG, default_names, numbered
 from choreograph.cli.present import printable, say, show_notes, table_console
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import check_apart, file_identity, free_names
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 
 Outputs = tuple[Path, ...]  # the files of one dance
-SONG = "{song}"  # in the name of a file, replaced by the name of the song without its suffix
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,7 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
         raise ParameterError("expected a SONG, or --plan FILE. `choreograph songs` lists a few to begin with")
     if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
         raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {variations}")
-    jobs = tuple(
-        Job(song, _numbered(_outputs_for(given, _name_of(song), opened), variations)) for song in songs
-    )
+    jobs = tuple(Job(song, _outputs_for(song, given, opened, variations)) for song in songs)
     hint = f": put {SONG} into the name" if len(songs) > 1 and given else ""
     check_apart(_paths(jobs), (), hint=hint)
     if opened and len(songs) > 1:
@@ -138,28 +136,13 @@ def _paths(jobs: Sequence[Job]) -> list[Path]:
     return [path for job in jobs for outputs in job.outputs for path in outputs]
 
 
-def _name_of(song: Path) -> str:
-    """The name of a song in the names of files: its name without suffix, unless only dots remain."""
-    return song.stem if song.stem.strip(".") else song.name
-
-
-def _outputs_for(given: Outputs, stem: str, opened: bool) -> Outputs:
-    """The files to write: those given, else a motion and a page. If a page is to be opened, one is added."""
-    named = tuple(Path(str(path).replace(SONG, stem)) for path in given)
-    outputs = named or (Path(f"{stem}.bvh"), Path(f"{stem}.html"))
+def _outputs_for(song: Path, given: Outputs, opened: bool, variations: int | None) -> tuple[Outputs, ...]:
+    """The files of each variation: those given, else those of the song. If a page is opened, one is added."""
+    motion, page = default_names(song)
+    outputs = tuple(Path(str(path).replace(SONG, page.stem)) for path in given) or (motion, page)
     if opened and not any(path.suffix.lower() == ".html" for path in outputs):
-        outputs = (*outputs, Path(f"{stem}.html"))
-    return outputs
-
-
-def _numbered(outputs: Outputs, variations: int | None) -> tuple[Outputs, ...]:
-    """The files of every variation, NAME-1.bvh for NAME.bvh. Without variations, `outputs` once."""
-    if variations is None:
-        return (outputs,)
-    return tuple(
-        tuple(path.with_name(f"{path.stem}-{number}{path.suffix}") for path in outputs)
-        for number in range(1, variations + 1)
-    )
+        outputs = (*outputs, page)
+    return tuple(zip(*(numbered(path, variations) for path in outputs), strict=True))
 
 
 # The output of `choreograph dance` about its dances.

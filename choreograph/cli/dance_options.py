@@ -6,19 +6,31 @@ those that the chosen engine does not use.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
-from click_option_group import GroupedOption, optgroup
+from click_option_group import optgroup
 
 from choreograph.cli.characters import TARGET_NAMES
-from choreograph.cli.present import Command, Seconds, given_options, given_settings
-from choreograph.cli.times import SongTime, SongTimes
+from choreograph.cli.declared import (
+    Command,
+    Given,
+    Input,
+    Output,
+    after_equals,
+    given_parameters,
+    given_settings,
+    grouped,
+    whole,
+)
+from choreograph.cli.times import Seconds, SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.settings import DanceConfig, engine_names, load_config, published_dance
+from choreograph.formats import output_formats
+from choreograph.settings import MAX_VARIATIONS, DanceConfig, engine_names, load_config, published_dance
 
 if TYPE_CHECKING:
     from choreograph.choreography.edits import EditRequest
@@ -29,15 +41,41 @@ if TYPE_CHECKING:
 
 AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 Options = TypeVar("Options")
+SONG = "{song}"  # in the name of a file, replaced by the name of the song without its suffix
 PUBLISHED = "published"  # instead of a file, for the settings of the paper of the engine
-_FILE = click.Path(path_type=Path)
 CAMERA_MODES: tuple[CameraMode, ...] = ("front", "follow", "cuts")
 # Options that this command had, and that `convert` has.
 _OF_CONVERT = ("--names", "--units", "--rest", "--in-place")
 
 
+# The modes of the command: a new dance, an edit of an existing one, and a plan that is rendered.
+_NEW, _EDIT, _PLAN = "", "edit", "plan"
+_planned = partial(grouped, modes=(_NEW,))
+_edited = partial(grouped, modes=(_NEW, _EDIT))
+_edit = partial(grouped, modes=(_EDIT,), selects=_EDIT, needs="existing")
+_REASONS = {_EDIT: "keeps all else of the existing dance", _PLAN: "decides what is danced"}
+
+
 class DanceCommand(Command):
     """`choreograph dance`, which says what to write instead of options that it had."""
+
+    def __init__(self, *args: Any, **attrs: Any) -> None:
+        super().__init__(*args, reasons=_REASONS, **attrs)
+
+    def mode(self, ctx: click.Context) -> str:
+        """As in the class. Pins and bans of an existing dance are edits, unless parts of it are kept."""
+        given = {param.name for param in given_parameters(ctx)}
+        if (
+            "plan_path" not in given
+            and "existing" in given
+            and not given & {"keep", "swap", "vary", "repeat"}
+        ):
+            if not given & {"pin", "ban"}:
+                raise ParameterError(
+                    "expected --keep, --swap, --vary, --repeat, --pin or --ban beside --existing, got none"
+                )
+            return _EDIT
+        return super().mode(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse as click does. Raises `ParameterError` for an option that was moved."""
@@ -52,146 +90,180 @@ class DanceCommand(Command):
             ) from None
 
 
-class _Planned(GroupedOption):
-    """An option of the planning, which cannot be combined with --plan."""
+def default_names(song: Path) -> tuple[Path, ...]:
+    """The files of a dance to a song, or of a plan, if no others are given: a motion and a page."""
+    stem = song.stem if song.stem.strip(".") else song.name
+    return Path(f"{stem}.bvh"), Path(f"{stem}.html")
+
+
+def _defaults(given: Given) -> Iterator[Path]:
+    songs = given["songs"] or tuple(filter(None, [given["plan_path"]]))
+    variations = None if given["variations"] is None else min(given["variations"], MAX_VARIATIONS)
+    for path in (name for song in songs for name in default_names(song)):
+        yield from numbered(path, variations)
+
+
+def numbered(path: Path, variations: int | None) -> tuple[Path, ...]:
+    """The file of each variation, NAME-1.bvh for NAME.bvh, or without variations the path itself."""
+    if variations is None:
+        return (path,)
+    return tuple(path.with_name(f"{path.stem}-{number + 1}{path.suffix}") for number in range(variations))
+
+
+def _named(path: Path, given: Given) -> tuple[Path, ...]:
+    """What is written for a name that the user gave whole. Other names are made, of no file that is read."""
+    if given["variations"] is not None or SONG in str(path):
+        return ()
+    has_sound = given["target"] == "mmd" and path.suffix.lower() == ".vmd"
+    return (path, path.with_suffix(".wav")) if has_sound else (path,)
+
+
+def formats_of_dances() -> str:
+    """The formats that dances are written in, and what their files hold, for the help."""
+    held: dict[str, list[str]] = {}
+    for format in output_formats().values():
+        held.setdefault(format.holds, []).append(f".{format.name}")
+    return " ".join(f"{', '.join(suffixes)}: {what}." for what, suffixes in held.items())
 
 
 _SOURCES = (
-    optgroup.option(
-        "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+    grouped(
+        "--db", type=Input("repertoire"), multiple=True, metavar="FILE|DIR",
         help="Repertoire, or a folder of several. Repeatable. Default: the built-in one.",
     ),
-    optgroup.option(
-        "--start", cls=_Planned, type=SongTime(),
+    _planned(
+        "--start", type=SongTime(),
         help="Where in the song to begin: 75.5, 1:15.5, bar 9 or chorus 2 (0).",
     ),
-    optgroup.option(
-        "--duration", cls=_Planned, type=Seconds(), help="Length of the dance (to the end of the song)."
+    _planned(
+        "--duration", type=Seconds(), help="Length of the dance (to the end of the song)."
     ),
-    optgroup.option(
-        "--beats", cls=_Planned, metavar="network|tempo-path|librosa|beat-this|FILE",
+    _planned(
+        "--beats", type=Input("beats", whole), metavar="network|tempo-path|librosa|beat-this|FILE",
         help="Beat tracker (network), or a text file with a beat on each line: its time in seconds and, if "
         "known, its number in the bar.",
     ),
 )  # fmt: skip
 
 _CONSTRAINTS = (
-    optgroup.option("--genre", cls=_Planned, help="Genre to follow. Default: the nearest one to the song."),
-    optgroup.option(
-        "--signature", cls=_Planned, type=_FILE,
+    _planned("--genre", help="Genre to follow (the nearest to the song)."),
+    _planned(
+        "--signature", type=Input("list"),
         help="Dance each motif as often as in this file. `inspect --signature` writes one.",
     ),
-    optgroup.option(
-        "--motifs", cls=_Planned, metavar="FILE|TAKE",
+    _planned(
+        "--motifs", type=Input("motion", whole), metavar="FILE|TAKE",
         help="Dance these motifs in this order: those of a plan, of a list (.json), of a take of the "
         "repertoire, or of a motion file.",
     ),
-    optgroup.option(
-        "--pin", cls=_Planned, multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
+    _edited(
+        "--pin", multiple=True, metavar="SECOND=motif:N|FROM-TO=take:NAME",
         help="Dance this motif or take at this time. Repeatable, as the next five.",
     ),
-    optgroup.option(
-        "--ban", cls=_Planned, multiple=True, metavar="KIND:NAME",
+    _edited(
+        "--ban", multiple=True, metavar="KIND:NAME",
         help="Never dance this: take, genre, performer, licence or motif, such as genre:tango.",
     ),
-    optgroup.option(
-        "--keep", cls=_Planned, multiple=True, metavar="FROM-TO",
-        help="Keep this part of the existing dance, and plan the rest again.",
+    _planned(
+        "--keep", multiple=True, needs="existing", metavar="FROM-TO",
+        help="Keep this part, and plan the rest again.",
     ),
-    optgroup.option(
-        "--swap", cls=_Planned, multiple=True, metavar="FROM-TO",
-        help="Dance something else in this part of the existing dance.",
+    _edit(
+        "--swap", multiple=True, metavar="FROM-TO",
+        help="Dance something else in this part of it.",
     ),
-    optgroup.option(
-        "--vary", cls=_Planned, multiple=True, metavar="FROM-TO",
-        help="Dance something similar in this part of the existing dance.",
+    _edit(
+        "--vary", multiple=True, metavar="FROM-TO",
+        help="Dance something similar in this part of it.",
     ),
-    optgroup.option(
-        "--repeat", cls=_Planned, multiple=True, metavar="FROM-TO@TIME[=mirror]",
+    _edit(
+        "--repeat", multiple=True, metavar="FROM-TO@TIME[=mirror]",
         help="Dance this part of the existing dance, or its mirror image, again at a time.",
     ),
-    optgroup.option(
-        "--existing", type=_FILE,
+    grouped(
+        "--existing", type=Input("plan"),
         help="The dance to edit or to keep parts of: .bvh, .npz or a plan. Without --keep, pins and bans "
         "change only their time.",
     ),
-    optgroup.option(
-        "--strict", cls=_Planned, is_flag=True,
+    _edited(
+        "--strict", is_flag=True,
         help="Fail if a pin, ban or motif is not danced. Otherwise, a note is printed.",
     ),
-    optgroup.option(
-        "--plan", "plan_path", type=_FILE,
+    grouped(
+        "--plan", "plan_path", type=Input("plan"), selects=_PLAN,
         help="Render this plan, edited or not. SONG is then only the sound of a page or video.",
     ),
 )  # fmt: skip
 
 _SETTINGS = (
-    optgroup.option(
-        "--engine", cls=_Planned, metavar="|".join(engine_names()),
+    _planned(
+        "--engine", metavar="|".join(engine_names()),
         help="Join seconds of takes (graph, the default) or motion words of takes (mixer), or generate "
         "motion with a network (rollout).",
     ),
-    optgroup.option("--seed", cls=_Planned, type=int, help="Another seed gives another dance (0)."),
-    optgroup.option("--fps", cls=_Planned, type=float, help="Frames per second of the dance (60)."),
-    optgroup.option(
-        "--weight", cls=_Planned, multiple=True, metavar="COST=NUMBER",
+    _edited("--seed", type=int, help="Another seed gives another dance (0)."),
+    _planned("--fps", type=float, saves="fps", help="Frames per second of the dance (60)."),
+    _planned(
+        "--weight", multiple=True, metavar="COST=NUMBER",
         help="Weight of a cost of the graph engine, such as transition=8. 0 leaves it out. Repeatable. "
         "`choreograph settings weights` lists the costs.",
     ),
-    optgroup.option(
-        "--set", "assigned", cls=_Planned, multiple=True, metavar="NAME=VALUE",
+    _planned(
+        "--set", "assigned", type=Input("setting", after_equals), multiple=True, metavar="NAME=VALUE",
         help="Any other setting, such as planner=greedy. Repeatable. `choreograph settings` lists them.",
     ),
-    optgroup.option(
-        "--config", cls=_Planned, metavar="FILE|published",
+    _planned(
+        "--config", type=Input("config", whole), metavar="FILE|published",
         help="TOML file of settings, or published, for those of the paper. Options and --set replace them.",
     ),
-    optgroup.option(
-        "--variations", cls=_Planned, type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."
+    _planned(
+        "--variations", type=int, metavar="N", help="Make N different dances, NAME-1.bvh to -N."
     ),
-    optgroup.option(
+    grouped(
         "--workers", type=int, metavar="N", help="Songs danced at once (1). 0: one a CPU core."
     ),
-    optgroup.option(
+    grouped(
         "--dask", metavar="ADDRESS",
-        help="Dask scheduler whose workers dance the songs.",
+        help="Dask scheduler to dance the songs.",
     ),
 )  # fmt: skip
 
 _OUTPUT = (
-    optgroup.option(
-        "-o", "--output", multiple=True, type=_FILE,
-        help="File to write. Repeatable. .bvh, .npz: motion. .glb, .fbx, .usda, .usdc: a body that moves. "
-        ".vrma: for VRM avatars. .vmd: for MikuMikuDance. .html: a page to watch. .mp4: a video. .png: poses "
-        "on the beats. .json: the plan. Default: SONG.bvh and SONG.html here. {song} stands for the song's "
-        "name.",
+    grouped(
+        "-o", "--output", multiple=True, type=Output(_named, _defaults), completed=formats_of_dances,
+        help="File to write. Repeatable. Default: SONG.bvh and SONG.html here. {song}: the song's name.",
     ),
-    optgroup.option(
-        "--character", type=_FILE, help="Character (.glb, .gltf, .vrm, .fbx) in an .html, .glb or .fbx."
+    grouped(
+        "--character", type=Input("character"), saves="character",
+        help="Character (.glb, .gltf, .vrm, .fbx) that dances.",
     ),
-    optgroup.option("--map", "map_path", type=_FILE, help="Bones of the character, edited (.json)."),
-    optgroup.option("--save-map", type=_FILE, help="Write the bones that were found (.json)."),
-    optgroup.option(
-        "--camera", type=click.Choice(CAMERA_MODES),
-        help="Film it from the audience, follow it, or cut on phrases (.html, .mp4, .glb, .usda).",
+    grouped(
+        "--map", "map_path", type=Input("map"), needs="character",
+        help="Bones of the character, edited (.json).",
     ),
-    optgroup.option(
-        "--for", "target", type=click.Choice(TARGET_NAMES), metavar="PROGRAM",
-        help=f"Program that a .glb or .vmd is for: {', '.join(TARGET_NAMES)}.",
+    grouped("--save-map", type=Output(), needs="character", help="Write the bones that were found (.json)."),
+    grouped(
+        "--camera", type=click.Choice(CAMERA_MODES), saves="camera",
+        help="Film it from the audience, follow it, or cut on phrases.",
     ),
-    optgroup.option("--loop", is_flag=True, help="Cut motion files to whole bars that can be looped."),
-    optgroup.option(
-        "--click", "with_clicks", is_flag=True, help="Mix a click on each count into the video."
+    grouped(
+        "--for", "target", type=click.Choice(TARGET_NAMES), metavar="PROGRAM", saves="target",
+        help=f"Write for it: {', '.join(TARGET_NAMES)}.",
     ),
-    optgroup.option(
+    grouped("--loop", is_flag=True, saves="loop", help="Cut it to whole bars that can be looped."),
+    grouped(
+        "--click", "with_clicks", is_flag=True, saves="click",
+        help="Mix in a click on each count.",
+    ),
+    grouped(
         "--force", is_flag=True, help="Replace files that are not dances, if -o is not given."
     ),
-    optgroup.option("--open", "opened", is_flag=True, help="Open the page in the browser."),
-    optgroup.option(
+    grouped("--open", "opened", is_flag=True, help="Open the page in the browser."),
+    grouped(
         "--json", "as_json", is_flag=True,
         help="Print the results as JSON, and progress as lines on stderr: STAGE DONE/TOTAL.",
     ),
-    optgroup.option("-q", "--quiet", is_flag=True, help="Print no progress, notes or summary."),
+    grouped("-q", "--quiet", is_flag=True, help="Print no progress, notes or summary."),
 )  # fmt: skip
 
 _GROUPS = (
@@ -209,15 +281,6 @@ def dance_options(command: AnyCommand) -> AnyCommand:
             command = option(command)
         command = optgroup.group(name)(command)
     return command
-
-
-def check_options_with_plan(songs: tuple[Path, ...]) -> None:
-    """Raise `ParameterError` if an option or a song is given that contradicts the plan."""
-    if len(songs) > 1:
-        raise ParameterError(f"expected one SONG beside --plan, got {len(songs)}")
-    decided = given_options(of_kind=_Planned)
-    if decided:
-        raise ParameterError(f"--plan decides what is danced: leave out {', '.join(decided)}")
 
 
 def options_of(kind: type[Options], given: dict[str, Any]) -> Options:
@@ -269,25 +332,8 @@ class DanceOptions:
 
     @property
     def edits_dance(self) -> bool:
-        """Whether an existing dance is edited. Raises `ParameterError` for options that contradict this."""
-        named = {"--swap": self.swap, "--vary": self.vary, "--repeat": self.repeat}
-        asked = [name for name, given in named.items() if given]
-        if asked and (self.existing is None or self.keep):
-            other = "--keep" if self.keep else "no --existing"
-            raise ParameterError(
-                f"expected --existing FILE beside {asked[0]}, and no --keep, since an edit keeps the rest, "
-                f"got {other}"
-            )
-        if self.existing is None or self.keep or not (asked or self.pin or self.ban):
-            return False
-        used = ("--pin", "--ban", "--swap", "--vary", "--repeat", "--existing", "--seed", "--strict")
-        unused = [name for name in given_options(of_kind=_Planned) if name not in used]
-        if unused:
-            raise ParameterError(
-                f"expected no {unused[0]} for an edit of an existing dance, which has its own settings: "
-                "leave it out, or give the parts to --keep"
-            )
-        return True
+        """Whether an existing dance is edited. Otherwise, parts of it are kept, if there is one."""
+        return self.existing is not None and not self.keep
 
     def edits(self, times: SongTimes) -> list[EditRequest]:
         """The edits of an existing dance. Raises `ParameterError` for text that is none."""

@@ -5,25 +5,27 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from click_option_group import optgroup
 
-from choreograph.cli.present import (
+from choreograph.cli.declared import (
     Command,
-    Seconds,
-    check_outputs_apart,
-    examples,
-    given_options,
+    Given,
+    Input,
+    Output,
+    after_at,
+    argument,
+    grouped,
+    is_stdout,
     names_of,
-    printable,
-    say,
-    show_notes,
-    stages,
-    table_console,
+    whole,
 )
+from choreograph.cli.present import examples, printable, say, show_notes, stages, table_console
+from choreograph.cli.times import Seconds
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import check_target, folder_beside
 
@@ -34,11 +36,16 @@ if TYPE_CHECKING:
     from choreograph.evaluation.songs import EvaluatedSong
     from choreograph.evaluation.variants import KeptDances
 
-_FILE = click.Path(path_type=Path)
-# These options are for dances that the command makes.
-_FOR_SONGS = {
-    "--experts", "--judge", "--only", "--resume", "--seeds", "--seen", "--variants",
-}  # fmt: skip
+# The modes of the command: dances that it makes to songs, and dances in files.
+_SONGS, _FILES = "songs", "files"
+_of_songs_alone = partial(grouped, modes=(_SONGS,))
+
+
+def _with_dances(output: Path, given: Given) -> tuple[Path, ...]:
+    """An output, and the folder beside it of the dances that are made."""
+    if is_stdout(output):
+        return ()
+    return (output,) if given["files"] else (output, folder_beside(output, ".dances"))
 
 
 @click.command(
@@ -54,49 +61,61 @@ _FOR_SONGS = {
         "choreograph evaluate dance.bvh song.mp3 --beats beats.txt --json -",
     ),
 )
-@click.argument("files", nargs=-1, type=_FILE, metavar="[DANCE... SONG]")
+@argument("files", nargs=-1, type=Input("takes"), selects=_FILES, metavar="[DANCE... SONG]")
 @optgroup.group("Dances")
-@optgroup.option(
-    "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+@grouped(
+    "--db", type=Input("repertoire"), multiple=True, metavar="FILE|DIR",
     help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
 )  # fmt: skip
-@optgroup.option(
-    "--songs", "folder", type=_FILE, metavar="DIR",
+@grouped(
+    "--songs", "folder", type=Input("takes"), selects=_SONGS, metavar="DIR",
     help="Songs to dance to. Real dances in DIR, in any layout of build-db, are measured as well.",
 )  # fmt: skip
-@optgroup.option(
-    "--experts", type=_FILE, metavar="DIR",
+@_of_songs_alone(
+    "--experts", type=Input("takes"), metavar="DIR",
     help="Dances to compare with, named as the songs, with NAME.counts.csv beside them.",
 )  # fmt: skip
-@optgroup.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
-@optgroup.option(
+@_of_songs_alone(
+    "--only",
+    type=Input("list", after_at),
+    multiple=True,
+    metavar="SONG",
+    help="Only this song, or @FILE of names.",
+)
+@_of_songs_alone(
     "--variants", multiple=True, metavar="NAME",
     help="What to compare: engines, baselines, as-published, or one variant of a group. Default: ours.",
 )  # fmt: skip
-@optgroup.option("--seeds", default=5, show_default=True, help="Dances of each variant to each song.")
-@optgroup.option("--seen", is_flag=True, help="Also measure on songs that the repertoire was made with.")
+@_of_songs_alone("--seeds", default=5, show_default=True, help="Dances of each variant to each song.")
+@_of_songs_alone("--seen", is_flag=True, help="Also measure on songs that the repertoire was made with.")
 @optgroup.group("Measuring")
-@optgroup.option("--duration", type=Seconds(), help="Seconds of each song. Default: to the end.")
-@optgroup.option(
-    "--beats", metavar="tempo-path|network|librosa|beat-this|FILE",
+@grouped("--duration", type=Seconds(), help="Seconds of each song. Default: to the end.")
+@grouped(
+    "--beats", type=Input("beats", whole), metavar="tempo-path|network|librosa|beat-this|FILE",
     help="Beats to measure by: of a tracker (tempo-path), a file of times, or a folder of SONG.txt.",
 )  # fmt: skip
-@optgroup.option(
-    "--judge", type=_FILE, metavar="REPERTOIRE",
+@_of_songs_alone(
+    "--judge", type=Input("repertoire"), metavar="REPERTOIRE",
     help="Judge motifs by the word network of this one, built with another seed from the same takes.",
 )  # fmt: skip
 @optgroup.group("Output")
-@optgroup.option("--report", type=_FILE, help="Write tables and plots as one HTML page.")
-@optgroup.option(
-    "--page", type=_FILE, metavar="FILE.html",
+@grouped("--report", type=Output(_with_dances), help="Write tables and plots as one HTML page.")
+@grouped(
+    "--page", type=Output(), modes=(_FILES,), metavar="FILE.html",
     help="Write a page that plays DANCE files side by side with their song.",
 )  # fmt: skip
-@optgroup.option("--json", "json_path", metavar="FILE", help="Write every number as JSON. - prints it.")
-@optgroup.option(
+@grouped(
+    "--json",
+    "json_path",
+    type=Output(_with_dances),
+    metavar="FILE",
+    help="Write every number as JSON. - prints it.",
+)
+@_of_songs_alone(
     "--resume", is_flag=True,
     help="Continue an evaluation that was stopped. Its dances are in OUTPUT.dances/ until it is complete.",
 )  # fmt: skip
-@optgroup.option("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
+@grouped("-q", "--quiet", is_flag=True, help="No progress, no notes, no table.")
 def command(
     files: tuple[Path, ...],
     db: tuple[Path, ...],
@@ -111,7 +130,7 @@ def command(
     judge: Path | None,
     report: Path | None,
     page: Path | None,
-    json_path: str | None,
+    json_path: Path | None,
     resume: bool,
     quiet: bool,
 ) -> None:
@@ -125,18 +144,10 @@ def command(
     from choreograph.evaluation.variants import variants_named
     from choreograph.music.beats import DEFAULT_TRACKER
 
-    if (folder is None) == (not files) or len(files) == 1:
+    if (folder is None and not files) or len(files) == 1:
         raise ParameterError("expected --songs DIR to dance to, or a DANCE and its SONG")
-    if files and (for_songs := _FOR_SONGS & set(given_options())):
-        raise ParameterError(
-            f"expected --songs beside {', '.join(sorted(for_songs))}, got a DANCE: leave it out"
-        )
-    if page is not None and not files:
-        raise ParameterError("expected DANCE files and a song beside --page, got --songs: leave it out")
     targets = [*_targets(report, json_path), *([] if page is None else [check_target(page)])]
     output = targets[-1] if targets else None
-    beside = folder_beside(output, ".dances") if output is not None and not files else None
-    check_outputs_apart([*targets, beside], named_by=("report", "page", "json_path"))
     if resume and output is None:
         raise ParameterError("expected --report or --json FILE with --resume: dances are kept beside it")
     beats = beats or DEFAULT_TRACKER
@@ -155,19 +166,19 @@ def command(
                 _write(evaluation, report, json_path)
     if not quiet:
         show_notes(evaluation.notes)
-    if json_path == "-":
+    if is_stdout(json_path):
         click.echo(to_json(evaluation), nl=False)
     elif not quiet:
         _show(evaluation)
 
 
-def _targets(report: Path | None, json_path: str | None) -> list[Path]:
+def _targets(report: Path | None, json_path: Path | None) -> list[Path]:
     """The files to write. Raises before any work if one cannot be written."""
     from choreograph.evaluation.plots import expect_matplotlib
 
     if report:
         expect_matplotlib()
-    given = (report, None if json_path == "-" else json_path)
+    given = (report, None if is_stdout(json_path) else json_path)
     return [check_target(path) for path in given if path is not None]
 
 
@@ -274,14 +285,14 @@ def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
             raise
 
 
-def _write(evaluation: Evaluation, report: Path | None, json_path: str | None) -> None:
+def _write(evaluation: Evaluation, report: Path | None, json_path: Path | None) -> None:
     from choreograph.core.files import atomic_path
     from choreograph.evaluation.report import write_report
     from choreograph.evaluation.results import to_json
 
     if report:
         write_report(report, evaluation)
-    if json_path not in (None, "-"):
+    if json_path is not None and not is_stdout(json_path):
         with atomic_path(json_path) as temporary:
             temporary.write_text(to_json(evaluation), encoding="utf-8")
 

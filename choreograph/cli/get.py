@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import Command, check_outputs_apart, examples, say, show_notes, stages
-from choreograph.core.errors import ChoreographError, ParameterError
+from choreograph.cli.declared import Command, Given, Input, Output, argument, option
+from choreograph.cli.present import examples, say, show_notes, stages
+from choreograph.core.errors import ChoreographError
 from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.formats.data_sets import DataSet
 
-_FILE = click.Path(path_type=Path)
+_DOWNLOAD = "download"  # the mode with the name of a data set
+_of_download = partial(option, modes=(_DOWNLOAD,))
+
+
+def _default(given: Given) -> tuple[Path, ...]:
+    return () if given["name"] is None else (Path(given["name"]),)
 
 
 @click.command(
@@ -27,12 +34,18 @@ _FILE = click.Path(path_type=Path)
         "choreograph get lafan1 --agree --build rep.h5",
     ),
 )
-@click.argument("name", required=False)
-@click.option("-o", "--output", type=_FILE, metavar="DIR", help="Folder of the data set. Default: NAME here.")
-@click.option("--agree", is_flag=True, help="Agree to the terms without being asked.")
-@click.option("--build", type=_FILE, metavar="FILE", help="Then build this repertoire from it (.h5).")
-@click.option("--table", type=_FILE, metavar="FILE", help="Table of other data sets (.toml).")
-@click.option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
+@argument("name", required=False, selects=_DOWNLOAD)
+@_of_download(
+    "-o",
+    "--output",
+    type=Output(default=_default),
+    metavar="DIR",
+    help="Folder of the data set. Default: NAME here.",
+)
+@_of_download("--agree", is_flag=True, help="Agree to the terms without being asked.")
+@_of_download("--build", type=Output(), metavar="FILE", help="Then build this repertoire from it (.h5).")
+@option("--table", type=Input("list"), metavar="FILE", help="Table of other data sets (.toml).")
+@option("-q", "--quiet", is_flag=True, help="Print no progress and no notes.")
 def command(
     name: str | None,
     output: Path | None,
@@ -49,13 +62,8 @@ def command(
     from choreograph.formats.data_sets import TABLE, data_set, data_sets
 
     if name is None:
-        if given := [
-            flag for flag, value in (("-o", output), ("--agree", agree), ("--build", build)) if value
-        ]:
-            raise ParameterError(f"expected a data set beside {', '.join(given)}, got none")
         _list(list(data_sets(table or TABLE).values()))
         return
-    check_outputs_apart([build], named_by=("build", "output"))
     chosen = data_set(name, table or TABLE)
     folder = output or Path(chosen.name)
     _show_terms(chosen)

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.present import Command, check_outputs_apart, examples, given_options, say, show_notes
+from choreograph.cli.declared import Command, Input, Output, argument, option, whole
+from choreograph.cli.present import examples, say, show_notes
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_target, free_names, sha256_of
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from choreograph.library.repertoire import Repertoire
 
 _N_COMMON = 5  # motifs shown of each genre
+_PRINTED = ("plots", "notes", "check", "lint", "movement", "coverage")  # the modes of the command that print
+_WRITTEN = {"signature": ".json", "counts": ".csv", "coverage": ".png"}  # what it writes, by its modes
 
 
 @click.command(
@@ -44,30 +47,37 @@ _N_COMMON = 5  # motifs shown of each genre
         "choreograph inspect rep.h5 --coverage songs/    what it lacks for these songs",
     ),
 )
-@click.argument("db", required=False, type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print the content as JSON.")
-@click.option(
-    "--plots", type=click.Path(path_type=Path), metavar="FOLDER",
+@argument("db", required=False, type=Input("repertoire"))
+@option("--json", "as_json", is_flag=True, modes=("", *_PRINTED), help="Print the content as JSON.")
+@option(
+    "--plots", type=Output(), selects="plots", metavar="FOLDER",
     help="Write plots of its genres as PNG: signatures, transitions, distances, motifs.",
 )  # fmt: skip
-@click.option("--notes", "with_notes", is_flag=True, help="Print all notes of the build.")
-@click.option("--take", metavar="TAKE", help="With --notes: only notes on this take.")
-@click.option("--signature", metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.")
-@click.option("--counts", metavar="TAKE", help="Write the counts and figures of this take to -o.")
-@click.option(
-    "--check", "with_check", is_flag=True,
+@option("--notes", "with_notes", is_flag=True, selects="notes", help="Print all notes of the build.")
+@option("--take", metavar="TAKE", modes=("notes",), help="With --notes: only notes on this take.")
+@option(
+    "--signature", type=Input("motion", whole), selects="signature", needs="output",
+    metavar="TAKE|GENRE", help="Write the signature of this take or genre to -o.",
+)  # fmt: skip
+@option(
+    "--counts", metavar="TAKE", selects="counts", needs="output",
+    help="Write the counts and figures of this take to -o.",
+)  # fmt: skip
+@option(
+    "--check", "with_check", is_flag=True, selects="check",
     help="Read the whole file, and print that no block is damaged, or which.",
 )  # fmt: skip
-@click.option("--lint", "with_lint", is_flag=True, help="Print what is likely wrong in it.")
-@click.option(
-    "--movement", "with_movement", is_flag=True, help="Print how it moves, beside the ranges of real dancing."
-)
-@click.option(
-    "--coverage", "songs", type=click.Path(path_type=Path), multiple=True, metavar="SONG|FOLDER",
+@option("--lint", "with_lint", is_flag=True, selects="lint", help="Print what is likely wrong in it.")
+@option(
+    "--movement", "with_movement", is_flag=True, selects="movement",
+    help="Print how it moves, beside the ranges of real dancing.",
+)  # fmt: skip
+@option(
+    "--coverage", "songs", type=Input("takes"), multiple=True, selects="coverage", metavar="SONG|FOLDER",
     help="Print what it lacks for this song, or the songs in this folder. Repeatable.",
 )  # fmt: skip
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path),
+@option(
+    "-o", "--output", type=Output(), modes=tuple(_WRITTEN),
     help="File for --signature (.json), --counts (.csv) or --coverage (.png).",
 )  # fmt: skip
 def command(
@@ -88,8 +98,8 @@ def command(
     from choreograph.library.builtin import STARTER_PATH
     from choreograph.library.repertoire import Repertoire
 
-    _check_options(take, output, as_json=as_json, with_notes=with_notes)
-    check_outputs_apart([output], named_by=("output", "plots"), with_songs=("signature", "songs"))
+    if output is not None:
+        _check_suffix(output, {"signature": signature, "counts": counts, "coverage": songs})
     repertoire = Repertoire.open(db or STARTER_PATH)
     if signature is not None and output is not None:
         from choreograph.choreography.constraints import write_signature
@@ -133,28 +143,11 @@ def command(
         say(line)
 
 
-_WRITTEN = {"--signature": ".json", "--counts": ".csv", "--coverage": ".png"}
-# Of which one is shown at a time.
-_SHOWN = ("--notes", "--check", "--lint", "--movement", "--plots", *_WRITTEN)
-
-
-def _check_options(take: str | None, output: Path | None, *, as_json: bool, with_notes: bool) -> None:
-    """Raise `ParameterError` for options that do not belong together."""
-    given = given_options()
-    shown = [option for option in _SHOWN if option in given]
-    if len(shown) > 1:
-        raise ParameterError(f"expected one of {', '.join(_SHOWN)}, got {' and '.join(shown)}")
-    if take is not None and not with_notes:
-        raise ParameterError("expected --take together with --notes, got --take alone")
-    needs_file = shown and shown[0] in ("--signature", "--counts")
-    if needs_file and (output is None or as_json):
-        raise ParameterError(f"expected {shown[0]} together with -o FILE alone, got other options")
-    if output is None:
-        return
-    if not shown or shown[0] not in _WRITTEN:
-        raise ParameterError(f"expected -o together with one of {', '.join(_WRITTEN)}, got it without")
-    if output.suffix.lower() != _WRITTEN[shown[0]]:
-        raise unexpected(f"a {_WRITTEN[shown[0]]} for {shown[0]}", str(output))
+def _check_suffix(output: Path, asked: Mapping[str, object]) -> None:
+    """Raise `ParameterError` if the output has another suffix than what is written, or cannot be written."""
+    mode = next(name for name, value in asked.items() if value)
+    if output.suffix.lower() != _WRITTEN[mode]:
+        raise unexpected(f"a {_WRITTEN[mode]} for --{mode}", str(output))
     check_target(output)
 
 
@@ -214,12 +207,13 @@ def _vocabulary_facts(repertoire: Repertoire) -> dict[str, Any]:
     genres = {}
     for genre, template in zip(vocabulary.genres, vocabulary.signatures, strict=True):
         takes = dances_of(vocabulary, take_genres, genre)
+        own = distances_to_template(vocabulary, genre, takes)
         common = sorted(range(len(template)), key=lambda motif: -template[motif])[:_N_COMMON]
         distances = chi_square_distance(template, vocabulary.signatures)
         genres[genre] = {
             "takes": len(takes),
             "common_motifs": {str(motif): round(float(template[motif]), 4) for motif in common},
-            "takes_to_template": round(float(distances_to_template(vocabulary, genre, takes).mean()), 4),
+            "takes_to_template": round(float(own.mean()), 4) if takes else None,
             "to_other_templates": {
                 other: round(float(distance), 4)
                 for other, distance in zip(vocabulary.genres, distances, strict=True)
@@ -266,7 +260,9 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
     ]
     for genre, about in genres.items():
         common = ", ".join(f"{motif} ({share:.1%})" for motif, share in about["common_motifs"].items())
-        lines.append(f"  {genre:<{width}}  {about['takes']:3d}  {about['takes_to_template']:.2f}  {common}")
+        own = about["takes_to_template"]
+        distance = "   -" if own is None else f"{own:.2f}"
+        lines.append(f"  {genre:<{width}}  {about['takes']:3d}  {distance}  {common}")
     if len(genres) > 2:  # two genres and all takes together
         lines.append("χ² distance between templates:")
         lines.append("  " + " " * width + "".join(f"  {genre:>6}" for genre in genres))
@@ -288,19 +284,18 @@ def _vocabulary_text(vocabulary: dict[str, Any]) -> list[str]:
         "choreograph dance $(choreograph songs --path house) --open",
     ),
 )
-@click.option(
-    "--copy", "folder", type=click.Path(path_type=Path), metavar="FOLDER", help="Copy the songs to a folder."
-)
-@click.option("--path", "name", metavar="NAME", help="Print the path of this song.")
-@click.option("--json", "as_json", is_flag=True, help="Print names and paths as JSON.")
+@option(
+    "--copy", "folder", type=Output(), modes=("",), metavar="FOLDER",
+    help="Copy the songs to a folder.",
+)  # fmt: skip
+@option("--path", "name", selects="path", metavar="NAME", help="Print the path of this song.")
+@option("--json", "as_json", is_flag=True, modes=("",), help="Print names and paths as JSON.")
 def songs(folder: Path | None, name: str | None, as_json: bool) -> None:
     """List the built-in songs. The project made them, and they are free for any use."""
     from choreograph.library.builtin import example_songs
 
     paths = example_songs()
     if name is not None:
-        if len(given := given_options()) > 1:
-            raise ParameterError(f"expected --path alone, got {', '.join(given)}")
         if name not in paths:
             raise ParameterError(f"expected a song among {', '.join(paths)}, got {name!r}")
         click.echo(paths[name])
@@ -340,9 +335,9 @@ def _is_copy(path: Path, song: Path) -> bool:
         "choreograph settings --toml > mine.toml    for `choreograph dance --config`",
     ),
 )
-@click.argument("name", required=False)
-@click.option("--build", is_flag=True, help="Settings of build-db instead of those of dance.")
-@click.option("--toml", is_flag=True, help="Print a settings file with all defaults, to be edited.")
+@argument("name", required=False)
+@option("--build", is_flag=True, selects="build", help="Settings of build-db instead of those of dance.")
+@option("--toml", is_flag=True, selects="toml", help="Print a settings file with all defaults, to be edited.")
 def settings(name: str | None, build: bool, toml: bool) -> None:
     """Explain the settings of a dance: what each does, its unit, range and default.
 
@@ -357,8 +352,6 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
         if name.replace("-", "_") not in found:
             raise unknown_setting(name, found)
         found = {name: found[name.replace("-", "_")]}
-    if toml and build:
-        raise ParameterError("expected --toml without --build, got both: build-db reads no settings file")
     for setting in found.values():
         if toml:
             click.echo("\n".join(_as_toml(setting)))

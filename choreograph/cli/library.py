@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import Command, examples, say
+from choreograph.cli.declared import Changed, Command, Input, Output, argument, option
+from choreograph.cli.present import examples, say
 from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.library.shards import AnyFile
-
-_FILE = click.Path(path_type=Path)
 
 
 @click.group(
@@ -36,8 +35,8 @@ def command() -> None:
 
 
 @command.command("create", cls=Command, short_help="Make a folder of repertoire files.")
-@click.argument("directory", metavar="DIR", type=_FILE)
-@click.argument("files", nargs=-1, required=True, type=_FILE)
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("files", nargs=-1, required=True, type=Input("repertoire"))
 def create(directory: Path, files: tuple[Path, ...]) -> None:
     """Copy repertoire FILES to the new folder DIR, if they can be read as one library."""
     from choreograph.library.catalogue import create_library
@@ -46,8 +45,8 @@ def create(directory: Path, files: tuple[Path, ...]) -> None:
 
 
 @command.command("add", cls=Command, short_help="Add repertoire files.")
-@click.argument("directory", metavar="DIR", type=_FILE)
-@click.argument("files", nargs=-1, required=True, type=_FILE)
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("files", nargs=-1, required=True, type=Input("repertoire"))
 def add(directory: Path, files: tuple[Path, ...]) -> None:
     """Copy repertoire FILES to DIR, if they have the networks, motifs and skeleton of its files."""
     from choreograph.library.catalogue import add_files
@@ -56,8 +55,8 @@ def add(directory: Path, files: tuple[Path, ...]) -> None:
 
 
 @command.command("remove", cls=Command, short_help="Delete files of a library.")
-@click.argument("directory", metavar="DIR", type=_FILE)
-@click.argument("names", nargs=-1, required=True)
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("names", nargs=-1, required=True)
 def remove(directory: Path, names: tuple[str, ...]) -> None:
     """Delete the files NAMES of the library DIR."""
     from choreograph.library.catalogue import remove_files
@@ -66,7 +65,7 @@ def remove(directory: Path, names: tuple[str, ...]) -> None:
 
 
 @command.command("check", cls=Command, short_help="Compare all data with its checksums.")
-@click.argument("directory", metavar="DIR", type=_FILE)
+@argument("directory", metavar="DIR", type=Input("repertoire"))
 def check(directory: Path) -> None:
     """Read all of the library DIR, and compare every block with its checksum."""
     from choreograph.cli.archive import show_check
@@ -76,8 +75,8 @@ def check(directory: Path) -> None:
 
 
 @command.command("merge", cls=Command, short_help="Write all takes to one file.")
-@click.argument("paths", metavar="DIR|FILE...", nargs=-1, required=True, type=_FILE)
-@click.option("-o", "--output", required=True, type=_FILE, help="Repertoire to write.")
+@argument("paths", metavar="DIR|FILE...", nargs=-1, required=True, type=Input("repertoire"))
+@option("-o", "--output", required=True, type=Output(), help="Repertoire to write.")
 def merge(paths: tuple[Path, ...], output: Path) -> None:
     """Write the takes of a library, or of several files, to one repertoire."""
     from choreograph.library.catalogue import merge_library

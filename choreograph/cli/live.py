@@ -8,27 +8,33 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.present import Command, examples, say, stages
+from choreograph.cli.declared import Command, Input, argument, option
+from choreograph.cli.present import examples, say, stages
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.progress import counted
+from choreograph.settings import engine_names
 
 if TYPE_CHECKING:
     from choreograph.live.stream import Sent
     from choreograph.motion.motion import Motion
     from choreograph.pipeline.dancing import Dance
 
-_FILE = click.Path(path_type=Path)
+# The modes of the command: a new dance, a dance that was made before, and music that is still playing.
+_NEW, _MADE, _STREAM = "", "made", "stream"
+_danced = partial(option, modes=(_NEW, _STREAM))
 _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
 
 
 @click.command(
     cls=Command,
+    reasons={_MADE: "was danced before", _STREAM: "is danced as it arrives"},
     short_help="Send a dance to an avatar program while its song plays.",
     epilog=examples(
         "choreograph live song.mp3                          a dance for VSeeFace, Warudo, Unity or Unreal",
@@ -39,34 +45,48 @@ _PORTS, _RATES = click.IntRange(1, 65535), click.FloatRange(10, 240)
         "choreograph live --input mic                       the same from a microphone",
     ),
 )
-@click.argument("song", type=_FILE, required=False)
-@click.option(
-    "--input", "stream", type=click.Choice(["-", "mic"]), help="Follow standard input or a microphone."
+@argument("song", type=Input("song"), required=False, modes=(_NEW, _MADE))
+@option(
+    "--input",
+    "stream",
+    type=click.Choice(["-", "mic"]),
+    selects=_STREAM,
+    help="Follow standard input or a microphone.",
 )
-@click.option(
-    "--pcm", metavar="FORMAT", help="Format of standard input, such as 44100:2:s16. Default: its WAV header."
+@option(
+    "--pcm",
+    metavar="FORMAT",
+    modes=(_STREAM,),
+    help="Format of standard input, such as 44100:2:s16. Default: its WAV header.",
 )
-@click.option(
+@option(
     "--latency",
     type=click.FloatRange(-1.0, 1.0),
+    modes=(_STREAM,),
     default=0.0,
     show_default=True,
     metavar="SECONDS",
     help="With --input, send frames so much earlier than the sound arrives here.",
 )
-@click.option("--dance", type=_FILE, metavar="MOTION", help="A motion to the song. Default: a new dance.")
-@click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire of a new dance.")
-@click.option("--engine", metavar="graph|mixer|rollout", help="Engine of a new dance.  [default: graph]")
-@click.option("--genre", help="Genre of a new dance.")
-@click.option("--seed", default=0, show_default=True, help="Seed of a new dance.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="Machine of the receiver.")
-@click.option("--port", type=_PORTS, default=39539, show_default=True, help="UDP port of the receiver.")
-@click.option(
-    "--websocket", type=_PORTS, metavar="PORT", help="Also send frames as JSON to this port's clients."
+@option(
+    "--dance",
+    type=Input("motion"),
+    selects=_MADE,
+    metavar="MOTION",
+    help="A motion to the song. Default: a new dance.",
 )
-@click.option("--control", type=_PORTS, metavar="PORT", help="Take requests by OSC on this UDP port.")
-@click.option("--fps", type=_RATES, default=60.0, show_default=True, help="Frames a second.")
-@click.option("--silent", is_flag=True, help="Do not play the song here.")
+@_danced(
+    "--db", type=Input("repertoire"), multiple=True, metavar="FILE|DIR", help="Repertoire of a new dance."
+)
+@option("--engine", modes=(_NEW,), metavar="|".join(engine_names()), help="Engine of a new dance (graph).")
+@_danced("--genre", help="Genre of a new dance.")
+@_danced("--seed", default=0, show_default=True, help="Seed of a new dance.")
+@option("--host", default="127.0.0.1", show_default=True, help="Machine of the receiver.")
+@option("--port", type=_PORTS, default=39539, show_default=True, help="UDP port of the receiver.")
+@option("--websocket", type=_PORTS, metavar="PORT", help="Also send frames as JSON to this port's clients.")
+@_danced("--control", type=_PORTS, metavar="PORT", help="Take requests by OSC on this UDP port.")
+@option("--fps", type=_RATES, default=60.0, show_default=True, help="Frames a second.")
+@option("--silent", modes=(_NEW, _MADE), is_flag=True, help="Do not play the song here.")
 def command(
     song: Path | None,
     stream: str | None,
@@ -96,14 +116,10 @@ def command(
     arguments = {"engine": engine or "graph", "genre": genre, "seed": seed}
     receiver = _receiver(host, port)
     if stream is not None:
-        if song or dance or engine or silent:
-            raise ParameterError("expected --input without SONG, --dance, --engine and --silent, got both")
         _follow(stream, pcm, latency, db, genre, seed, receiver, (websocket, control), fps)
         return
-    if song is None or pcm or latency:
-        raise ParameterError("expected a SONG, or --input, which --pcm and --latency belong to, got neither")
-    if dance is not None and (db or engine or genre or seed or control):
-        raise ParameterError("expected --dance or options of a new dance, got both: leave out one")
+    if song is None:
+        raise ParameterError("expected a SONG, or --input, got neither")
     _play(song, dance, db, arguments, receiver, (websocket, control), fps, silent=silent)
 
 

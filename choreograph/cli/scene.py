@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.dance_options import CAMERA_MODES
-from choreograph.cli.present import (
+from choreograph.cli.dance_options import CAMERA_MODES, default_names
+from choreograph.cli.declared import (
     Command,
-    Seconds,
-    StageLines,
-    examples,
-    given_options,
+    Given,
+    Input,
+    Output,
+    after_equals,
+    argument,
     given_settings,
-    input_files,
-    say,
-    show_notes,
-    stages,
+    inputs,
+    option,
+    unused_options,
+    whole,
 )
-from choreograph.cli.times import SongTime, SongTimes
+from choreograph.cli.present import StageLines, examples, say, show_notes, stages
+from choreograph.cli.times import Seconds, SongTime, SongTimes
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import check_apart, file_identity, free_names
 from choreograph.core.progress import counted
+from choreograph.formats import output_formats
 from choreograph.settings import DanceConfig, engine_names
 
 if TYPE_CHECKING:
@@ -33,22 +38,31 @@ if TYPE_CHECKING:
     from choreograph.motion.cameras import CameraMode
     from choreograph.pipeline.scenes import Scene
 
-_FILE = click.Path(path_type=Path)
-_WITH_PLAN = (
-    "--plan",
-    "--db",
-    "--output",
-    "--character",
-    "--camera",
-    "--force",
-    "--open",
-    "--json",
-    "--quiet",
-)
+_PLAN = "plan"  # the mode that renders a plan
+_planned = partial(option, modes=("",))
+
+
+def _defaults(given: Given) -> Iterator[Path]:
+    from choreograph.pipeline.scene_saving import scene_paths
+    from choreograph.scene_plan import MOST_DANCERS
+
+    named = given["song"] or given["plan_path"]
+    for path in default_names(named) if named else ():
+        yield from scene_paths(path, min(given["dancers"], MOST_DANCERS))
+
+
+def _formats_of_scenes() -> str:
+    """The formats that scenes are written in, for the help."""
+    one, many = (
+        ", ".join(f".{format.name}" for format in output_formats().values() if format.together == together)
+        for together in (True, False)
+    )
+    return f"{one}: one file for all dancers. {many}: a file for each dancer, NAME-1.bvh and so on."
 
 
 @click.command(
     cls=Command,
+    reasons={_PLAN: "decides what is danced"},
     short_help="Make a dance of several dancers for a song.",
     epilog=examples(
         "choreograph scene song.mp3                                        four dancers in unison, in a V",
@@ -60,49 +74,54 @@ _WITH_PLAN = (
         "choreograph scene song.mp3 --plan scene.json -o a.bvh             renders it again",
     ),
 )
-@click.argument("song", required=False, type=_FILE)
-@click.option("--dancers", type=int, default=4, show_default=True, metavar="N", help="Number of dancers.")
-@click.option(
-    "--formation", multiple=True, metavar="[WHEN=]line|v|circle|pairs|FILE",
+@argument("song", required=False, type=Input("song"))
+@_planned("--dancers", type=int, default=4, show_default=True, metavar="N", help="Number of dancers.")
+@_planned(
+    "--formation", type=Input("list", after_equals), multiple=True, metavar="[WHEN=]line|v|circle|pairs|FILE",
     help="Where they stand (v). FILE.json: places [x, z] in metres. WHEN: chorus, verse, phrase 2, bar 9, "
     "bar 9-bar 17 or 30-45, for another formation there. Repeatable, as the next three.",
 )  # fmt: skip
-@click.option(
+@_planned(
     "--relation", multiple=True, metavar="[WHEN=]unison|mirror|canon:N|call-and-response|free",
     help="What they dance (unison). canon:N: N counts after the pair before. free: each a dance of its own.",
 )  # fmt: skip
-@click.option("--genre", multiple=True, help="Genre to follow. With --relation free, one for each dancer.")
-@click.option(
-    "--character", multiple=True, type=_FILE, help="Character of each dancer in turn, in a .glb or .fbx each."
-)
-@click.option(
-    "--camera", type=click.Choice(CAMERA_MODES),
-    help="Film all from the audience, follow them, or cut on phrases (.html, .mp4, .glb, .usda).",
+@_planned("--genre", multiple=True, help="Genre to follow. With --relation free, one for each dancer.")
+@option(
+    "--character", multiple=True, type=Input("character"), saves="character", written="scenes",
+    help="Character of each dancer in turn, in a file each.",
 )  # fmt: skip
-@click.option("--db", type=_FILE, multiple=True, metavar="FILE|DIR", help="Repertoire. Repeatable.")
-@click.option("--start", type=SongTime(), help="Where in the song to begin: 75.5, bar 9 or chorus 2 (0).")
-@click.option("--duration", type=Seconds(), help="Length of the dance (to the end of the song).")
-@click.option("--beats", metavar="TRACKER|FILE", help="Beat tracker (network), or a file of beats.")
-@click.option("--engine", metavar="|".join(engine_names()), help="Engine of the dances (graph).")
-@click.option("--seed", type=int, help="Another seed gives another dance (0).")
-@click.option("--fps", type=float, help="Frames per second of the dance (60).")
-@click.option("--set", "assigned", multiple=True, metavar="NAME=VALUE", help="Any other setting. Repeatable.")
-@click.option(
-    "--plan",
-    "plan_path",
-    type=_FILE,
+@option(
+    "--camera", type=click.Choice(CAMERA_MODES), saves="camera", written="scenes",
+    help="Film all from the audience, follow them, or cut on phrases.",
+)  # fmt: skip
+@option("--db", type=Input("repertoire"), multiple=True, metavar="FILE|DIR", help="Repertoire. Repeatable.")
+@_planned("--start", type=SongTime(), help="Where in the song to begin: 75.5, bar 9 or chorus 2 (0).")
+@_planned("--duration", type=Seconds(), help="Length of the dance (to the end of the song).")
+@_planned(
+    "--beats",
+    type=Input("beats", whole),
+    metavar="TRACKER|FILE",
+    help="Beat tracker (network), or a file of beats.",
+)
+@_planned("--engine", metavar="|".join(engine_names()), help="Engine of the dances (graph).")
+@_planned("--seed", type=int, help="Another seed gives another dance (0).")
+@_planned("--fps", type=float, saves="fps", written="scenes", help="Frames per second of the dance (60).")
+@_planned(
+    "--set", "assigned", type=Input("setting", after_equals), multiple=True, metavar="NAME=VALUE",
+    help="Any other setting. Repeatable.",
+)  # fmt: skip
+@option(
+    "--plan", "plan_path", type=Input("plan"), selects=_PLAN,
     help="Render this plan of a scene. SONG is its sound, and what the rollout engine dances to again.",
-)
-@click.option(
-    "-o", "--output", multiple=True, type=_FILE,
-    help="File to write. Repeatable. .html, .glb, .fbx, .usda, .usdc, .mp4, .png: all dancers in one. "
-    ".json: the plan. .bvh and other formats: a file for each dancer, NAME-1.bvh. Default: SONG.bvh and "
-    "SONG.html here.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace files that are not dances, if -o is not given.")
-@click.option("--open", "opened", is_flag=True, help="Open the page in the browser.")
-@click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="Print no progress, notes or summary.")
+@option(
+    "-o", "--output", multiple=True, type=Output(default=_defaults), completed=_formats_of_scenes,
+    help="File to write. Repeatable. Default: SONG.bvh and SONG.html here.",
+)  # fmt: skip
+@option("--force", is_flag=True, help="Replace files that are not dances, if -o is not given.")
+@option("--open", "opened", is_flag=True, help="Open the page in the browser.")
+@option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
+@option("-q", "--quiet", is_flag=True, help="Print no progress, notes or summary.")
 def command(
     song: Path | None,
     plan_path: Path | None,
@@ -124,12 +143,9 @@ def command(
     named = song or plan_path
     if named is None:
         raise ParameterError("expected a SONG, or --plan FILE. `choreograph songs` lists a few to begin with")
-    if plan_path is not None:
-        _check_beside_plan()
-    check_apart(output, input_files(except_for=("output",)))  # before the plan is read
     n_dancers = _n_dancers(options["dancers"], plan_path)
     outputs, notes = _outputs(named, output, n_dancers, force=force, opened=opened)
-    _check(outputs, n_dancers, bool(options["character"]), camera)
+    notes = (*notes, *_checked(outputs, n_dancers, bool(options["character"])))
     with nullcontext(StageLines()) if as_json and not quiet else stages(quiet=quiet) as shown:
         made = _made(song, plan_path, options, shown)
         for path in outputs:
@@ -150,13 +166,6 @@ def command(
         click.launch(page.resolve().as_uri())
 
 
-def _check_beside_plan() -> None:
-    """Raise `ParameterError` for an option that the plan of a scene decides."""
-    decided = [name for name in given_options() if name not in _WITH_PLAN]
-    if decided:
-        raise ParameterError(f"--plan decides what is danced: leave out {', '.join(decided)}")
-
-
 def _n_dancers(asked: int, plan_path: Path | None) -> int:
     from choreograph.scene_plan import MOST_DANCERS, ScenePlan
 
@@ -174,10 +183,10 @@ def _outputs(
     from choreograph.pipeline.saving import is_saved_dance
     from choreograph.pipeline.scene_saving import scene_paths
 
-    made: tuple[Path, ...] = () if given else (Path(f"{named.stem}.bvh"), Path(f"{named.stem}.html"))
+    made: tuple[Path, ...] = () if given else default_names(named)
     if opened and given and not any(path.suffix.lower() == ".html" for path in given):
         made = (given[0].with_suffix(".html"),)
-    read = {file_identity(path) for path in input_files(except_for=("output",))}
+    read = {file_identity(path) for path in inputs()}
 
     def is_kept(path: Path) -> bool:
         return any(
@@ -191,22 +200,17 @@ def _outputs(
     return (*given, *free), (f"files of these names are kept: the scene is written to {free[0].stem}",)
 
 
-def _check(
-    outputs: tuple[Path, ...], n_dancers: int, has_characters: bool, camera: CameraMode | None
-) -> None:
-    """Raise before any work if a file cannot be written, is an input, or none can hold what is asked for."""
-    from choreograph.pipeline.saving import format_of, used_by
+def _checked(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) -> tuple[str, ...]:
+    """Notes on options that some files do not use.
+
+    Raises before any work if a file cannot be written, is an input, or none can hold what is asked for.
+    """
     from choreograph.pipeline.scene_saving import check_scene_outputs, scene_paths
 
     check_scene_outputs(outputs, n_dancers, characters=has_characters)
     written = [one for path in outputs for one in scene_paths(path, n_dancers, characters=has_characters)]
-    bases = [path for path in outputs if path not in written]
-    check_apart([*written, *bases], input_files(except_for=("output",)))
-    held = [path for path in outputs if format_of(path) in ("glb", "fbx")]
-    if has_characters and not held:
-        raise ParameterError(f"expected .glb or .fbx for --character, got {outputs[0]}: add -o NAME.glb")
-    if camera is not None and not any(format_of(path) in used_by("camera") for path in outputs):
-        raise ParameterError(f"expected .html, .mp4, .glb or .usda for --camera, got {outputs[0]}")
+    check_apart(written, inputs())
+    return unused_options(outputs, in_scenes=n_dancers > 1)
 
 
 def _made(

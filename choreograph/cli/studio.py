@@ -6,10 +6,15 @@ from pathlib import Path
 
 import click
 
-from choreograph.cli.present import Command, examples, say
+from choreograph.cli.declared import Changed, Command, Given, Input, argument, option
+from choreograph.cli.present import examples, say
 from choreograph.core.errors import ParameterError
 
-_FILE = click.Path(path_type=Path)
+
+def _beside_song(given: Given) -> tuple[Path, ...]:
+    from choreograph.studio.project_file import project_path
+
+    return () if given["song"] is None else (project_path(given["song"]),)
 
 
 @click.command(
@@ -21,17 +26,22 @@ _FILE = click.Path(path_type=Path)
         "choreograph studio song.mp3 --db rep.h5 --character hero.glb",
     ),
 )
-@click.argument("song", required=False, type=_FILE)
-@click.option(
-    "--db", multiple=True, type=_FILE, help="Repertoire to dance with. Repeatable. Default: built in."
+@argument("song", required=False, type=Input("song"))
+@option(
+    "--db",
+    multiple=True,
+    type=Input("repertoire"),
+    help="Repertoire to dance with. Repeatable. Default: built in.",
 )
-@click.option("--character", type=_FILE, help="The character that dances (.glb, .gltf or .vrm).")
-@click.option("--project", type=_FILE, help="The file of the project. Default: SONG.studio.json.")
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=0, help="Port of the page. Default: a free one."
+@option("--character", type=Input("character"), help="The character that dances (.glb, .gltf or .vrm).")
+@option(
+    "--project",
+    type=Changed("project", default=_beside_song),
+    help="The file of the project. Default: SONG.studio.json.",
 )
-@click.option("--host", default="127.0.0.1", help="Address to serve. Others than 127.0.0.1 need a token.")
-@click.option("--no-browser", is_flag=True, help="Print the address and open no browser.")
+@option("--port", type=click.IntRange(0, 65535), default=0, help="Port of the page. Default: a free one.")
+@option("--host", default="127.0.0.1", help="Address to serve. Others than 127.0.0.1 need a token.")
+@option("--no-browser", is_flag=True, help="Print the address and open no browser.")
 def command(
     song: Path | None,
     db: tuple[Path, ...],

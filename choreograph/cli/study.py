@@ -8,23 +8,30 @@ from typing import TYPE_CHECKING
 
 import click
 
-from choreograph.cli.present import (
+from choreograph.cli.declared import (
     Command,
-    Seconds,
-    check_outputs_apart,
-    examples,
+    Given,
+    Input,
+    Output,
+    after_at,
+    argument,
+    is_stdout,
     names_of,
-    printable,
-    say,
-    stages,
-    table_console,
+    option,
 )
+from choreograph.cli.present import examples, printable, say, stages, table_console
+from choreograph.cli.times import Seconds
 from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.evaluation.study_results import Difference, Score, StudyResults
 
-_FILE = click.Path(path_type=Path)
+
+def _pages(folder: Path, _: Given) -> tuple[Path, ...]:
+    """What a study writes to its folder."""
+    from choreograph.evaluation.study import KEY_NAME, PAGE_NAME
+
+    return folder / PAGE_NAME, folder / KEY_NAME
 
 
 @click.group(
@@ -40,34 +47,40 @@ def command() -> None:
 
 
 @command.command("write", cls=Command, short_help="Write a page for raters.")
-@click.option("--songs", "folder", required=True, type=_FILE, metavar="DIR", help="Songs to dance to.")
-@click.option("-o", "--output", required=True, type=_FILE, metavar="DIR", help="New folder of the study.")
-@click.option(
-    "--db", type=_FILE, multiple=True, metavar="FILE|DIR",
+@option("--songs", "folder", required=True, type=Input("takes"), metavar="DIR", help="Songs to dance to.")
+@option("-o", "--output", required=True, type=Output(_pages), metavar="DIR", help="New folder of the study.")
+@option(
+    "--db", type=Input("repertoire"), multiple=True, metavar="FILE|DIR",
     help="Repertoire to dance with, or a folder of several. Repeatable. Default: the built-in one.",
 )  # fmt: skip
-@click.option("--only", multiple=True, metavar="SONG", help="Only this song, or @FILE of names.")
-@click.option(
+@option(
+    "--only",
+    type=Input("list", after_at),
+    multiple=True,
+    metavar="SONG",
+    help="Only this song, or @FILE of names.",
+)
+@option(
     "--variants", multiple=True, metavar="NAME",
     help="What to compare: engines, as-published, or one variant of a group. Default: baselines.",
 )  # fmt: skip
-@click.option("--seen", is_flag=True, help="Also use songs that the repertoire was made with.")
-@click.option("--duration", type=Seconds(), help="Seconds of each song to dance. Default: to the end.")
-@click.option(
+@option("--seen", is_flag=True, help="Also use songs that the repertoire was made with.")
+@option("--duration", type=Seconds(), help="Seconds of each song to dance. Default: to the end.")
+@option(
     "--excerpt",
     type=Seconds(),
     default=6.0,
     show_default=True,
     help="Seconds of each dance to show, from its middle.",
 )
-@click.option(
+@option(
     "--ask", type=click.Choice(("ratings", "pairs", "both")), default="ratings", show_default=True,
     help="Rate each dance by four questions, or compare two to a song: which is more of the genre, "
     "and which was made by a computer.",
 )  # fmt: skip
-@click.option("--silent", is_flag=True, help="No sound, and no question about music.")
-@click.option("--order-seed", default=0, show_default=True, help="Seed of the order of the dances.")
-@click.option("-q", "--quiet", is_flag=True, help="No progress, no summary.")
+@option("--silent", is_flag=True, help="No sound, and no question about music.")
+@option("--order-seed", default=0, show_default=True, help="Seed of the order of the dances.")
+@option("-q", "--quiet", is_flag=True, help="No progress, no summary.")
 def write(
     folder: Path,
     output: Path,
@@ -95,7 +108,6 @@ def write(
     from choreograph.library.builtin import as_repertoire
 
     check_study_folder(output)
-    check_outputs_apart([output / PAGE_NAME, output / KEY_NAME], named_by=("output",))
     chosen = variants_named(variants or ("baselines",))
     repertoire = as_repertoire(db)
     with stages(quiet=quiet) as shown:
@@ -113,19 +125,21 @@ def write(
 
 
 @command.command("show", cls=Command, short_help="Show the ratings.")
-@click.argument("study", type=_FILE)
-@click.option("--json", "json_path", metavar="FILE", help="Write the ratings as JSON. - prints them.")
-@click.option("-q", "--quiet", is_flag=True, help="No table.")
-def show(study: Path, json_path: str | None, quiet: bool) -> None:
+@argument("study", type=Input("takes"))
+@option(
+    "--json", "json_path", type=Output(), metavar="FILE", help="Write the ratings as JSON. - prints them."
+)
+@option("-q", "--quiet", is_flag=True, help="No table.")
+def show(study: Path, json_path: Path | None, quiet: bool) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and differences of variants."""
     from choreograph.core.files import atomic_path, check_target
     from choreograph.evaluation.study_results import read_study
 
-    if json_path not in (None, "-"):
-        check_outputs_apart([check_target(json_path)], named_by=("json_path",))
+    if json_path is not None and not is_stdout(json_path):
+        check_target(json_path)
     results = read_study(study)
     text = json.dumps(results.to_dict(), indent=1, ensure_ascii=False) + "\n"
-    if json_path == "-":
+    if is_stdout(json_path):
         click.echo(text, nl=False)
         return
     if json_path is not None:

@@ -8,13 +8,30 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.present import Seconds
-from choreograph.music.places import names_place
+from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import parse_seconds
 
 if TYPE_CHECKING:
     from choreograph.library.repertoire import Repertoire
     from choreograph.music.places import Places
     from choreograph.plan import Plan
+
+    _Floats = click.ParamType[float]
+else:
+    _Floats = click.ParamType  # not generic in every click
+
+
+class Seconds(_Floats):
+    """A time, in seconds (`75.5`) or with minutes and hours (`1:15.5`)."""
+
+    name = "seconds"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The time in seconds. Reports a value that is no time as click does."""
+        try:
+            return parse_seconds(value) if isinstance(value, str) else float(value)
+        except ParameterError as error:
+            self.fail(str(error), param, ctx)
 
 
 class SongTime(Seconds):
@@ -24,6 +41,8 @@ class SongTime(Seconds):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The time in seconds, or the text that names a place, which needs the song."""
+        from choreograph.music.places import names_place
+
         if isinstance(value, str) and names_place(value):
             return value
         return super().convert(value, param, ctx)
@@ -60,6 +79,8 @@ class SongTimes:
         return tuple(self._text(text, start_s, duration_s) for text in given)
 
     def _text(self, text: str, start_s: float | None, duration_s: float | None) -> str:
+        from choreograph.music.places import names_place
+
         if not names_place(text):
             return text
         places = self._places(start_s, duration_s)

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_LONGEST_LINE = 280  # characters of one of several errors, with room for the prefix of the command line
-
 
 class ChoreographError(Exception):
     """Base class of all errors that a caller can cause.
@@ -68,7 +66,7 @@ class UnreadableFilesError(FormatError):
     @property
     def lines(self) -> tuple[str, ...]:
         """The summary and the errors, one line each."""
-        return (self.summary, *(_shortened(str(error)) for error in self.errors))
+        return (self.summary, *map(str, self.errors))
 
     def __str__(self) -> str:
         """All lines. No other error has a message of several."""
@@ -102,9 +100,3 @@ class NoPathError(ChoreographError):
     ...     print(error)
     every node of second 0 is forbidden: relax a cost that returns inf
     """
-
-
-def _shortened(line: str) -> str:
-    """The line, of which the middle is left out if it is too long."""
-    half = (_LONGEST_LINE - 5) // 2
-    return line if len(line) <= _LONGEST_LINE else f"{line[:half]} ... {line[-half:]}"

@@ -30,6 +30,9 @@ MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times
 _LONG_NAME_BYTES = 100  # of longer names, temporary files have a checksum
 _LONG_SUFFIX_BYTES = 16
 _NAME_MAX_BYTES = 255  # where the system does not state the limit
+# A checksum of this machine, and on Linux of the container, in which process ids are valid.
+_PROCESSES = platform.node() + os.path.basename(os.path.realpath("/proc/self/ns/pid"))
+_MACHINE = f"{zlib.crc32(_PROCESSES.encode()):08x}"
 # How the files begin that are written here and never read from a folder: repertoires, pages, evaluations.
 _RESULT = re.compile(rb'\x89HDF\r\n\x1a\n|<!doctype html>|\{\s*"format": "choreograph-evaluation"')
 _HEAD_BYTES, _TAIL_BYTES = 1 << 22, 1 << 16  # in a long video, the generator follows the index
@@ -160,15 +163,14 @@ def writing(path: str | Path) -> Iterator[None]:
 def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary path beside `path`, which is renamed to it at the end and removed if anything fails.
 
-    Temporary files that killed processes left are removed first.
+    Temporary files that killed processes left in its folder are removed as well.
 
     Raises `ParameterError` as `check_target` does, and `ChoreographError` for an `OSError` in the block or
     while renaming.
     """
     path = check_target(path)
-    remove_leftovers(path)
-    stem, suffix = _temporary_name(path)
-    temporary = path.with_name(f".{stem}.{_writer()}-{uuid.uuid4().hex[:8]}{suffix}")
+    _remove_leftovers(path.parent)
+    temporary = path.with_name(_temporary_name(path))
     try:
         with writing(path):
             yield temporary
@@ -177,32 +179,38 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def remove_leftovers(path: Path) -> None:
-    """Remove temporary files of `path` whose writers were killed on this machine."""
-    machine, _ = _writer().split("-")
-    stem, suffix = map(re.escape, _temporary_name(path))
-    pattern = re.compile(rf"\.{stem}\.{machine}-(\d+)-[0-9a-f]{{8}}{suffix}")
+def _remove_leftovers(folder: Path) -> None:
+    """Remove temporary files in a folder whose writers were killed on this machine.
+
+    A process lists the folder before its first write there, and again after as many writes as there were
+    files. So the time of a write does not grow with the folder.
+    """
+    key = os.path.abspath(folder)
+    _writes_left[key] = _writes_left.get(key, 0) - 1
+    if _writes_left[key] > 0:
+        return
     with suppress(OSError):  # a folder that cannot be listed, or a file that another process removes
-        for name in os.listdir(path.parent):
-            left = pattern.fullmatch(name)
-            if left and not is_running(int(left[1])):
-                (path.parent / name).unlink(missing_ok=True)
+        names = os.listdir(folder)
+        _writes_left[key] = len(names)
+        pattern = re.compile(rf"\..+\.{_MACHINE}-(\d+)-[0-9a-f]{{8}}(\.[^.]*)?", re.DOTALL)
+        for left in filter(None, map(pattern.fullmatch, names)):
+            if not is_running(int(left[1])):
+                (folder / left[0]).unlink(missing_ok=True)
 
 
-def _temporary_name(path: Path) -> tuple[str, str]:
-    """Stem and suffix of the temporary files of a file, short enough for any file system."""
+_writes_left: dict[str, int] = {}  # until the folder of this path is listed again
+
+
+def _temporary_name(path: Path) -> str:
+    """A new name for a temporary file of a file, short enough for any file system."""
     suffix = path.suffix if len(os.fsencode(path.suffix)) <= _LONG_SUFFIX_BYTES else ""
     is_long = len(os.fsencode(path.name)) > _LONG_NAME_BYTES
-    return _name_checksum(path) if is_long else path.stem, suffix
+    stem = _name_checksum(path) if is_long else path.stem
+    return f".{stem}.{_MACHINE}-{os.getpid()}-{uuid.uuid4().hex[:8]}{suffix}"
 
 
 def _name_checksum(path: Path) -> str:
     return f"{zlib.crc32(os.fsencode(path.name)):08x}"
-
-
-def _writer() -> str:
-    """Machine and process id, which the names of temporary files contain."""
-    return f"{zlib.crc32(platform.node().encode()):08x}-{os.getpid()}"
 
 
 def is_running(pid: int) -> bool:

@@ -8,16 +8,16 @@ The entries that were not used for the longest time are removed when all of them
 from __future__ import annotations
 
 import hashlib
-import io
 import logging
 import os
 import pickle
 import re
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import lru_cache, partial
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
@@ -29,6 +29,8 @@ import scipy
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, cache_folder
 from choreograph.core.numerics import digest
+from choreograph.core.pickles import unpickled
+from choreograph.core.standins import Named, Unbuilt
 from choreograph.core.workers import FEWEST, each
 
 PACKAGE = __name__.partition(".")[0]
@@ -143,24 +145,33 @@ def libraries() -> list[str]:
 # Results of functions, which are dataclasses of arrays, numbers and texts.
 
 
-_OF_ARRAYS = (("multiarray", "_reconstruct"), ("multiarray", "scalar"), ("numeric", "_frombuffer"))
-_KEPT_TYPES = {
-    *((module, name) for module in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")),
-    ("numpy", "ndarray"), ("numpy", "dtype"),
-    *((f"{core}.{of}", name) for core in ("numpy.core", "numpy._core") for of, name in _OF_ARRAYS),
-}  # fmt: skip
+_PATHS = {(of, name) for of in ("pathlib", "pathlib._local") for name in ("PosixPath", "WindowsPath")}
 
 
-class _DataOnly(pickle.Unpickler):
-    """Reads paths, arrays and dataclasses of this program alone, and calls no other function."""
+class _UnbuiltFields(Unbuilt):
+    """A dataclass of this program, whose state is the values of its fields."""
 
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in _KEPT_TYPES:
-            return super().find_class(module, name)
-        found = super().find_class(module, name) if module.startswith(f"{PACKAGE}.") else None
-        if not (isinstance(found, type) and is_dataclass(found)):
-            raise pickle.UnpicklingError(f"it refers to {module}.{name}, which is not data")
-        return found
+    def __init__(self, of: type) -> None:
+        super().__init__()
+        self._of = of
+
+    def build(self, state: Any) -> Any:
+        """An object with these values. Nothing of the class is called."""
+        if type(state) is not dict or state.keys() != {field.name for field in fields(self._of)}:
+            raise ValueError(f"the fields of another {self._of.__name__}")
+        made: Any = object.__new__(self._of)
+        made.__dict__.update(state)
+        return made
+
+
+def _named(module: str, name: str) -> Named | None:
+    """The stand-in of a path, or of a dataclass of this program."""
+    if (module, name) in _PATHS:
+        return Named(Path)
+    found = getattr(sys.modules.get(module), name, None) if module.startswith(f"{PACKAGE}.") else None
+    if not (isinstance(found, type) and is_dataclass(found)):
+        return None
+    return Named(partial(_UnbuiltFields, found))
 
 
 class KeptResults:
@@ -175,9 +186,13 @@ class KeptResults:
         return key is not None and self._entries.has(key)
 
     def read(self, key: bytes) -> Any:
-        """A result, or None if there is none any more."""
+        """A result, or None if there is none any more, or it is something else than values."""
         content = self._entries.read(key)
-        return None if content is None else _DataOnly(io.BytesIO(content)).load()
+        try:
+            return None if content is None else unpickled(content, named=_named, max_opcodes=len(content))
+        except pickle.UnpicklingError as error:
+            _log.warning("a kept result is made again: %s", error)
+            return None
 
     def write(self, key: bytes, result: object) -> None:
         """Write a result if there is room for it."""

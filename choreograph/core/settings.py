@@ -55,6 +55,7 @@ class DataclassInstance(Protocol):
 Class = TypeVar("Class", bound=type)
 Instance = TypeVar("Instance", bound=DataclassInstance)
 _WIDTH = 96  # of the text of a field in `help`
+_ENGINE = {"mixer": ""}  # what follows the names of engines that are not adjectives
 _WORDS = {bool: "True or False", int: "whole number", float: "number", str: "text", Path: "path"}
 
 
@@ -75,6 +76,20 @@ class Range:
         return f"from {self.least:g} to {self.greatest:g}"
 
 
+class UsedBy:
+    """Which engines use a setting, by name, or "" for all of them, those of other packages included."""
+
+    def __init__(self, *engines: str) -> None:
+        self.engines = engines
+
+    def __str__(self) -> str:
+        """What is said in the text of the setting."""
+        if "" in self.engines:
+            return "Used by all engines."
+        *most, last = (f"the {name}{_ENGINE.get(name, ' engine')}" for name in self.engines)
+        return f"Used by {' and '.join(filter(None, (', '.join(most), last)))}."
+
+
 @dataclass(frozen=True)
 class Setting:
     """One field of a settings class."""
@@ -84,6 +99,7 @@ class Setting:
     default: Any  # its value if it is not given
     text: str  # what it does, and when to change it
     choices: tuple[str, ...] = ()  # for a setting of fixed texts
+    engines: tuple[str, ...] = ()  # that use it, as in `UsedBy`
 
 
 @dataclass_transform(frozen_default=True)
@@ -116,14 +132,15 @@ def settings(cls: Class) -> Class:
 
 def described(cls: type) -> tuple[Setting, ...]:
     """The fields of a settings class, in order."""
-    texts, hints = dict(_field_docstrings(cls)), _hints(cls)
+    texts, hints, users = dict(_field_docstrings(cls)), _hints(cls), _users(cls)
     return tuple(
         Setting(
             field.name,
             _in_words(hints[field.name]),
             field.default if field.default_factory is MISSING else field.default_factory(),
-            texts.get(field.name, ""),
+            " ".join(filter(None, (texts.get(field.name, ""), str(users.get(field.name, ""))))),
             _choices(hints[field.name]),
+            users[field.name].engines if field.name in users else (),
         )
         for field in fields(cls)
     )
@@ -186,7 +203,24 @@ def _as_numpydoc(setting: Setting) -> str:
 
 
 def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls, include_extras=True)
+    """The types of the fields, without the engines that use them."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {name: _without_users(hint) if _used_by(hint) else hint for name, hint in hints.items()}
+
+
+def _without_users(hint: Any) -> Any:
+    others = tuple(one for one in hint.__metadata__ if not isinstance(one, UsedBy))
+    return Annotated[hint.__origin__, *others] if others else hint.__origin__
+
+
+def _users(cls: type) -> dict[str, UsedBy]:
+    """Who uses the fields that say it."""
+    hints = get_type_hints(cls, include_extras=True)
+    return {name: used for name, hint in hints.items() if (used := _used_by(hint)) is not None}
+
+
+def _used_by(hint: Any) -> UsedBy | None:
+    return next((one for one in getattr(hint, "__metadata__", ()) if isinstance(one, UsedBy)), None)
 
 
 def _field_docstrings(cls: type) -> Iterator[tuple[str, str]]:

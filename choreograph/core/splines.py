@@ -23,6 +23,7 @@ class CubicSpline:
     def __init__(self, knots: Floats | Sequence[float], values: Floats | Sequence[float]) -> None:
         x, y = np.asarray(knots, np.float64), np.asarray(values, np.float64)
         self._knots, self._coefficients = x, _hermite_coefficients(x, y, _spline_rates(x, y))
+        self._end_slopes = (y[1] - y[0]) / (x[1] - x[0]), (y[-1] - y[-2]) / (x[-1] - x[-2])
 
     def __call__(self, at: Floats | float) -> Floats:
         """The values (M, ...) at points (M,)."""
@@ -31,6 +32,21 @@ class CubicSpline:
     def rate(self, at: Floats | float) -> Floats:
         """The derivatives (M, ...) at points (M,)."""
         return _evaluated(self._knots, self._coefficients[:-1], at, (1.0, 2.0, 3.0))
+
+    def continued(self, at: Floats | float) -> Floats:
+        """The values (M, ...) at points (M,). Beyond the ends, they go on at the rate of the end.
+
+        That rate is between half and double the slope from an end to the next knot. After a corner beside the
+        end, that of the spline may even have the other sign.
+        """
+        points, first, last = np.asarray(at, np.float64), self._knots[0], self._knots[-1]
+        values = self(np.clip(points, first, last))
+        beyond = np.minimum(points - first, 0.0), np.maximum(points - last, 0.0)
+        for end, past, slope in zip((first, last), beyond, self._end_slopes, strict=True):
+            least, most = np.sort([0.5 * slope, 2.0 * slope], axis=0)
+            rate = np.clip(self.rate(end), least, most)
+            values += np.reshape(past, (*points.shape, *[1] * rate.ndim)) * rate
+        return values
 
 
 def monotone_cubic(

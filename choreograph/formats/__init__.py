@@ -1,6 +1,7 @@
 """Readers and writers of all formats and layouts of data sets.
 
-A new format is one module here and one line in `BUILTIN`. A format has any of these names:
+A new format is one module here and one line in `BUILTIN`, which also declares what is written. A format has
+any of these names:
 
 - `LAYOUT` describes in one line what is read.
 - `read(path) -> Iterable[Take | SkippedFile]` yields the takes of a file or folder in a fixed order.
@@ -11,43 +12,108 @@ A new format is one module here and one line in `BUILTIN`. A format has any of t
 - `WRITERS` are the classes that write motions (`formats.writer.Writer`).
 
 Another package adds a format, which is a module or an object with these names, by an entry point of the group
-`choreograph.formats`. Its reader takes precedence over the built-in ones.
+`choreograph.formats`. Its reader takes precedence over the built-in ones. Its writers say themselves what
+they declare in `BUILTIN` here.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from choreograph.core import installed
+from choreograph.core.arguments import as_texts, check_text, unexpected
+from choreograph.core.plugins import Group, installed, leave_out
 
 if TYPE_CHECKING:
     from choreograph.formats.writer import Writer
 
-GROUP = "choreograph.formats"
-# The first format that detects a file reads it. A folder is read by all formats that detect it.
-BUILTIN = (
-    "dance_with_melody",  # the dance-with-melody dataset
-    "choreonet",  # recordings with figures, and counts of the takes of dance_with_melody
-    "aist",  # AIST++
-    "generated",  # dances of EDGE, LODGE, FACT and Bailando
-    "amass",  # AMASS
-    "bvh",
-    "npz",  # exact arrays, also those of SMPL if the skeleton is the canonical one
-    "c3d",  # markers
-    "gltf",  # reads the animations of .glb, .gltf and .vrma
-    "glb",  # writes .glb and .vrma
-    "vmd",  # MikuMikuDance
-    "usd",  # writes .usda and .usdc
-    "fbx",  # with Blender
-    "folder",  # a folder of motion files with songs
+
+@dataclass(frozen=True)
+class OutputFormat:
+    """A format that dances are written in: what its files hold, and which options of a dance change them."""
+
+    name: str  # also the suffix of its files, without the dot
+    holds: str  # as in "FORMAT: a page to watch"
+    uses: tuple[str, ...] = ()  # options of `Dance.save`, and fps
+    alone: tuple[str, ...] = ()  # those of them that it uses for one dancer, and not for a scene of several
+    together: bool = False  # whether one file holds all dancers of a scene
+
+
+_MOTION, _BODY = "motion", "a body that moves"
+_OF_MOTION = ("fps", "loop")
+# By module, what it writes. The first format that detects a file reads it. A folder is read by all formats
+# that detect it.
+BUILTIN: dict[str, tuple[OutputFormat, ...]] = {
+    "dance_with_melody": (),  # the dance-with-melody dataset
+    "choreonet": (),  # recordings with figures, and counts of the takes of dance_with_melody
+    "aist": (),  # AIST++
+    "generated": (),  # dances of EDGE, LODGE, FACT and Bailando
+    "amass": (),  # AMASS
+    "bvh": (OutputFormat("bvh", _MOTION, (*_OF_MOTION, "bvh")),),
+    "npz": (OutputFormat("npz", _MOTION, _OF_MOTION),),  # exact arrays, also those of SMPL
+    "c3d": (),  # markers
+    "gltf": (),  # reads the animations of .glb, .gltf and .vrma
+    "glb": (
+        OutputFormat("glb", _BODY, (*_OF_MOTION, "character", "camera", "target"), together=True),
+        OutputFormat("vrma", "for VRM avatars", _OF_MOTION),
+    ),
+    "vmd": (OutputFormat("vmd", "for MikuMikuDance", ("loop", "target")),),
+    "usd": (
+        OutputFormat("usda", _BODY, (*_OF_MOTION, "camera"), together=True),
+        OutputFormat("usdc", _BODY, (*_OF_MOTION, "camera"), together=True),
+    ),
+    "fbx": (OutputFormat("fbx", _BODY, (*_OF_MOTION, "character"), together=True),),  # with Blender
+    "folder": (),  # a folder of motion files with songs
+}
+# What shows a dance or describes it. `pipeline.saving` writes these.
+SHOWN = (
+    OutputFormat("html", "a page to watch", ("fps", "character", "camera"), ("character",), together=True),
+    OutputFormat("mp4", "a video", ("click", "camera"), together=True),
+    OutputFormat("png", "poses on the beats", together=True),
+    OutputFormat("json", "the plan", ("fps",), together=True),
 )
+
+
+GROUP = Group("choreograph.formats", tuple(BUILTIN))
 
 
 def added_formats() -> list[Any]:
     """The formats of other packages."""
-    return list(installed(GROUP).values())
+    return list(installed(GROUP, _check_added).values())
+
+
+def leave_out_format(format: Any, error: Exception) -> None:
+    """Leave out a format of another package that raised an error where none is allowed, with a note."""
+    known = installed(GROUP, _check_added)
+    for name in [name for name, one in known.items() if one is format]:
+        del known[name]
+        leave_out(GROUP, name, error)
+
+
+def _check_added(_: str, format: Any) -> None:
+    """Raise unless a format of another package has what the docstring of this module lists."""
+    from choreograph.formats.writer import Writer
+
+    reads, suffixes = hasattr(format, "read"), as_texts("SUFFIXES", getattr(format, "SUFFIXES", ()))
+    if not all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes):
+        raise unexpected("SUFFIXES such as .bvh", suffixes)
+    if reads:
+        check_text("LAYOUT", format.LAYOUT)
+    if reads and not (suffixes or hasattr(format, "detect")):
+        raise unexpected("SUFFIXES or a function detect", format)
+    written = getattr(format, "WRITERS", ())
+    if not (reads or written):
+        raise unexpected("a function read or WRITERS", format)
+    builtin = {one.name for of_module in (*BUILTIN.values(), SHOWN) for one in of_module}
+    for writer in written:
+        if not (isinstance(writer, type) and issubclass(writer, Writer)):
+            raise unexpected("WRITERS as subclasses of Writer", writer)
+        check_text("the format of a writer", writer.format, writer.holds, *writer.uses)
+        if writer.format in builtin:
+            raise unexpected("a writer of a format that is not built in", writer.format)
 
 
 def builtin_formats() -> list[Any]:
@@ -70,7 +136,41 @@ def _by_suffix() -> dict[str, Any]:
     return {suffix: format for format in formats for suffix in getattr(format, "SUFFIXES", ())}
 
 
-def writers() -> dict[str, type[Writer]]:
-    """The writers of motions by format, such as "bvh", which is also the suffix of its files."""
-    formats = (*builtin_formats(), *added_formats())
-    return {writer.format: writer for format in formats for writer in getattr(format, "WRITERS", ())}
+def motion_formats() -> dict[str, OutputFormat]:
+    """The formats that motions are written in, by name: the built-in ones, then those of other packages."""
+    return {written.name: written for of_module in BUILTIN.values() for written in of_module} | {
+        name: OutputFormat(name, writer.holds, (*_OF_MOTION, *writer.uses))
+        for name, writer in _added_writers()
+    }
+
+
+def output_formats() -> dict[str, OutputFormat]:
+    """The formats that dances are written in, by name: those of motions, then those that show a dance."""
+    return motion_formats() | {shown.name: shown for shown in SHOWN}
+
+
+def formats_using(option: str, *, in_scenes: bool = False) -> tuple[str, ...]:
+    """The formats whose files an option changes, those that show a dance first.
+
+    With `in_scenes`, they are those of a scene of several dancers.
+    """
+    found = sorted(output_formats().values(), key=lambda one: one not in SHOWN)
+    return tuple(one.name for one in found if option in one.uses and not (in_scenes and option in one.alone))
+
+
+def writer_of(format: str) -> type[Writer]:
+    """The class that writes a format of `motion_formats`. Only its module is imported."""
+    added = dict(_added_writers())
+    if format in added:
+        return added[format]
+    module = next(
+        module for module, of_module in BUILTIN.items() if any(one.name == format for one in of_module)
+    )
+    classes: tuple[type[Writer], ...] = import_module(f"{__name__}.{module}").WRITERS
+    return next(writer for writer in classes if writer.format == format)
+
+
+def _added_writers() -> Iterator[tuple[str, type[Writer]]]:
+    for format in added_formats():
+        for writer in getattr(format, "WRITERS", ()):
+            yield writer.format, writer

@@ -1,4 +1,4 @@
-"""AIST++: SMPL poses in `motions/*.pkl`, loaded by an unpickler that runs no code.
+"""AIST++: SMPL poses in `motions/*.pkl`, read by `core.pickles`, which runs no code.
 
 The names of the files state genre, performer and music, and so the tempo. A single file, and the same arrays
 as NPZ, are read as well.
@@ -6,11 +6,8 @@ as NPZ, are read as well.
 
 from __future__ import annotations
 
-import io
 import pickle
-import pickletools
 import re
-import struct
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -21,7 +18,8 @@ import numpy as np
 from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, make_counts, numbers_in_bar
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_bytes, read_text
-from choreograph.formats.amass import rotated_world, smpl_motion
+from choreograph.core.pickles import unpickled
+from choreograph.formats.amass import numbers_of, rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.manifest import SkippedFile, each_attempted
@@ -29,45 +27,10 @@ from choreograph.formats.npz import array_names
 from choreograph.formats.npz import load_arrays as npz_arrays
 from choreograph.motion.motion import Credits, Motion, Take
 
-# A restricted unpickler.
+# Pickles of arrays.
 
 
 _MAX_BYTES = 1 << 26
-_MAX_OPCODES = 20_000  # an array takes about thirty
-_MAX_MADE_BYTES = 1 << 31  # a call in a pickle makes at most as many bytes as the pickle has
-_CALLS = ("REDUCE", "NEWOBJ", "NEWOBJ_EX", "INST", "OBJ", "BUILD")
-_RECONSTRUCT = np.zeros(1).__reduce__()[0]
-_SCALAR = np.float64(0).__reduce__()[0]
-_FROM_BUFFER = np.zeros(1).__reduce_ex__(5)[0]
-
-
-def _encode(text: str, encoding: str = "latin1") -> bytes:
-    """Encode text as older pickles do. The full registry of codecs has more than text codecs."""
-    if encoding not in ("latin1", "latin-1", "utf-8"):
-        raise pickle.UnpicklingError(f"codec {encoding}")
-    return text.encode(encoding)
-
-
-# Before NumPy 2 the module was numpy.core. Both kinds of files exist.
-_ALLOWED: dict[tuple[str, str], Any] = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
-    ("_codecs", "encode"): _encode,
-}
-for _core in ("numpy.core", "numpy._core"):
-    _ALLOWED[f"{_core}.multiarray", "_reconstruct"] = _RECONSTRUCT
-    _ALLOWED[f"{_core}.multiarray", "scalar"] = _SCALAR
-    _ALLOWED[f"{_core}.numeric", "_frombuffer"] = _FROM_BUFFER
-
-
-class _ArraysOnly(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        try:
-            return _ALLOWED[module, name]
-        except KeyError:
-            raise pickle.UnpicklingError(
-                f"it refers to {module}.{name}, which is not an array and may run code"
-            ) from None
 
 
 def load_arrays(path: Path) -> dict[str, Any]:
@@ -93,16 +56,9 @@ def arrays_of(data: bytes) -> dict[str, Any]:
     Raises `FormatError` if it contains anything else, or if its arrays would be larger than the data.
     """
     try:
-        _check_opcodes(data)
-        content = _ArraysOnly(io.BytesIO(data), encoding="latin1").load()
-    except (
-        pickle.UnpicklingError, EOFError, ValueError, TypeError, KeyError, IndexError, AttributeError,
-        MemoryError, OverflowError, struct.error, SystemError,
-    ) as error:  # fmt: skip
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(f"expected a pickle of arrays, got another: {reason}") from None
-    if isinstance(content, np.ndarray) and content.dtype == object and content.size == 1:
-        content = content.item()
+        content = unpickled(data)
+    except pickle.UnpicklingError as error:
+        raise FormatError(f"expected a pickle of arrays, got another: {error}") from None
     if not isinstance(content, dict):
         raise FormatError(f"expected a pickled dictionary of arrays, got {type(content).__name__}")
     for name, value in content.items():
@@ -110,20 +66,7 @@ def arrays_of(data: bytes) -> dict[str, Any]:
             raise FormatError(
                 f"expected arrays and numbers by name, got {type(value).__name__}: another pickle?"
             )
-    arrays = [value for value in content.values() if isinstance(value, np.ndarray)]
-    if sum(array.nbytes for array in arrays) > 2 * len(data):  # half of latin-1 text may be escaped
-        raise FormatError("expected the numbers of the arrays in the pickle, got shapes without them")
     return content
-
-
-def _check_opcodes(data: bytes) -> None:
-    """Raise `UnpicklingError` if a pickle would need far more time or memory than its size suggests."""
-    n_calls = 0
-    for i, (opcode, argument, _) in enumerate(pickletools.genops(data)):
-        n_calls += opcode.name in _CALLS
-        is_far = "PUT" in opcode.name and (argument or 0) > _MAX_OPCODES
-        if i > _MAX_OPCODES or n_calls * len(data) > _MAX_MADE_BYTES or is_far:
-            raise pickle.UnpicklingError("it is larger or more complicated than a pickle of arrays")
 
 
 # Takes.
@@ -233,10 +176,12 @@ def _motion(file: Path) -> tuple[Motion, tuple[str, ...]]:
     if missing:
         raise FormatError(f"{file}: expected {', '.join(_KEYS)}, got no {', '.join(missing)}")
     try:
-        scaling = np.asarray(content["smpl_scaling"], np.float64)
+        scaling = numbers_of(content["smpl_scaling"])
         if scaling.size != 1 or not (np.isfinite(scaling).all() and scaling.item() > 0):
-            raise FormatError(f"expected one positive smpl_scaling, got {scaling.tolist()}")
-        trans = np.asarray(content["smpl_trans"], np.float64) / scaling.item()
+            got = scaling.item() if scaling.size == 1 else f"an array of shape {scaling.shape}"
+            raise FormatError(f"expected one positive smpl_scaling, got {got}")
+        with np.errstate(over="ignore"):  # such positions are refused
+            trans = numbers_of(content["smpl_trans"]) / scaling.item()
         motion = smpl_motion(content["smpl_poses"], trans, FPS)
     except (FormatError, TypeError, ValueError) as error:
         raise FormatError(f"{file}: {error}") from None

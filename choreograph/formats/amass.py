@@ -13,14 +13,24 @@ from typing import Any
 import numpy as np
 
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.formats.axes_and_units import UP_AXIS_MARGIN, Z_UP_TO_Y_UP, known_roles, upward
 from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.formats.npz import array_names, load_arrays
 from choreograph.motion import rotations as rot
-from choreograph.motion.motion import Credits, Motion, Take, check_length
+from choreograph.motion.motion import FARTHEST_M, Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
 
+LARGEST_NUMBER = FARTHEST_M * 1e3  # of poses and positions in any unit down to millimetres
 _BODY = 22  # joints of SMPL, SMPL-H and SMPL-X, before hands, jaw and eyes
+
+
+def numbers_of(value: Any) -> Floats:
+    """An array or number of a file as floats. Raises `FormatError` if it is neither, such as a text."""
+    kind = type(value).__name__ if isinstance(value, str) else np.asarray(value).dtype
+    if isinstance(kind, str) or kind.kind not in "biuf":
+        raise FormatError(f"expected an array of numbers, got one of {kind}")
+    return np.asarray(value, np.float64)
 
 
 def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
@@ -30,10 +40,7 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
     fingers are not. In SMPL the pelvis is at a constant distance from `trans`. The estimate of the floor
     corrects its height. Raises `FormatError` if shapes or values are wrong.
     """
-    try:
-        poses, trans = np.asarray(poses, np.float64), np.asarray(trans, np.float64)
-    except (TypeError, ValueError):
-        raise FormatError("expected poses and translations as arrays of numbers, got others") from None
+    poses, trans = numbers_of(poses), numbers_of(trans)
     if poses.ndim == 3 and poses.shape[2] == 3:
         poses = poses.reshape(len(poses), 3 * poses.shape[1])
     if poses.ndim != 2 or poses.shape[1] < 3 * _BODY or poses.shape[1] % 3 or trans.shape != (len(poses), 3):
@@ -46,8 +53,10 @@ def smpl_motion(poses: Any, trans: Any, fps: float) -> Motion:
         check_length(len(poses), len(CANONICAL_JOINTS), fps)
     except ParameterError as error:
         raise FormatError(str(error)) from None
-    if not (np.isfinite(poses).all() and np.isfinite(trans).all()):
-        raise FormatError("expected finite poses and translations, got some that are not: damaged data?")
+    if not all((np.abs(values) < LARGEST_NUMBER).all() for values in (poses, trans)):
+        raise FormatError(
+            f"expected finite poses and translations below {LARGEST_NUMBER:g}, got others: damaged data?"
+        )
     n_joints = len(CANONICAL_JOINTS)
     kept = n_joints if poses.shape[1] == 3 * n_joints else _BODY
     rotvec = np.zeros((len(poses), n_joints, 3))
@@ -106,7 +115,7 @@ def _take(source: Path, file: Path) -> Take:
     rate_key = next(key for key in _RATE_KEYS if key in names)
     arrays = load_arrays(file, ("poses", "trans", rate_key))
     try:
-        rate = np.asarray(arrays[rate_key], np.float64)
+        rate = numbers_of(arrays[rate_key])
         fps = rate.item() if rate.size == 1 else np.nan
         if not 1.0 <= fps <= 1000.0:
             raise FormatError(f"expected a frame rate in {rate_key}, got {fps}")

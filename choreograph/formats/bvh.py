@@ -246,7 +246,6 @@ class BvhWriter(Writer):
     """
 
     format = "bvh"
-    uses = ("bvh",)
 
     def __init__(self, options: BvhOptions | None = None) -> None:
         self.options = options or BvhOptions()

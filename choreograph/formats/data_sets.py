@@ -5,6 +5,7 @@ They are entries of `data_sets.toml`, which says what each key means. A table of
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from choreograph.core.files import read_text
 
 TABLE = Path(__file__).with_name("data_sets.toml")
 _SCHEMES = ("http", "https")
+_MAX_NAME = 200  # characters
+_FORBIDDEN = set('<>:"|?*\\/')  # in names, on some systems
 _SUMS = {"sha256": 64, "md5": 32}  # digits of each
 
 
@@ -55,12 +58,15 @@ class DataSet:
 
 def data_sets(table: Path = TABLE) -> dict[str, DataSet]:
     """The data sets of a table by name. Raises `FormatError` for another file."""
+    text = read_text(table, "a table of data sets")
     try:
-        entries = tomllib.loads(read_text(table, "a table of data sets"))
-    except tomllib.TOMLDecodeError as error:
+        entries = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of too many digits is not a TOMLDecodeError
         raise FormatError(
             f"{table}: expected a table of data sets in TOML, got another text: {error}"
         ) from None
+    if not entries:
+        raise FormatError(f"{table}: expected a data set in it, got none")
     return {name: _data_set(table, name, entry) for name, entry in entries.items()}
 
 
@@ -80,24 +86,38 @@ def _data_set(table: Path, name: str, entry: Any) -> DataSet:
     files = entry.get("files", [])
     if not isinstance(files, list):
         raise FormatError(f"{where}: expected [[{name}.files]], got {type(files).__name__}")
+    if not is_usual_name(name):
+        raise FormatError(f"{where}: expected a name that a folder can have, got {name!r}")
     if name != name.casefold() or not (files or entry.get("by_hand")):
         raise FormatError(f"{where}: expected a name in small letters, and files or by_hand, got other keys")
     values = _checked(where, {k: v for k, v in entry.items() if k != "files"}, DataSet, ("name", "files"))
-    _check_inside(where, values["build"], values["layout"])
-    return DataSet(name=name, files=tuple(_file(where, file) for file in files), **values)
+    _check_inside(where, values["build"])
+    _check_glob(where, values["layout"])
+    found = DataSet(name=name, files=tuple(_file(where, file) for file in files), **values)
+    if len({file.name.casefold() for file in found.files}) < len(files):  # they lie in one folder
+        raise FormatError(f"{where}: expected addresses that end in different names, got one name twice")
+    return found
 
 
 def _file(where: str, entry: Any) -> SetFile:
     values = _checked(where, entry if isinstance(entry, dict) else {}, SetFile, ())
     file = SetFile(**values)
-    address = urlsplit(file.url)
     kind, _, digits = file.sum.partition(":")
-    if address.scheme not in _SCHEMES or not file.name:
+    if not _is_address(file):
         raise FormatError(f"{where}: expected the address of a file with http or https, got {file.url!r}")
     if file.sum and (len(digits) != _SUMS.get(kind) or set(digits) - set("0123456789abcdef")):
         raise FormatError(f"{where}: expected a sum such as sha256:…, got {file.sum!r}")
     _check_inside(where, file.into)
     return file
+
+
+def _is_address(file: SetFile) -> bool:
+    try:
+        address = urlsplit(file.url)
+        has_host = bool(address.hostname) and address.port != 0
+    except ValueError:  # a host or port that none can be
+        return False
+    return has_host and address.scheme in _SCHEMES and file.url.isprintable() and is_usual_name(file.name)
 
 
 def _checked(where: str, entry: Mapping[str, Any], of: type, computed: tuple[str, ...]) -> dict[str, Any]:
@@ -114,7 +134,7 @@ def _checked(where: str, entry: Mapping[str, Any], of: type, computed: tuple[str
     for name, value in entry.items():
         kind = fields[name].type
         if kind.startswith("tuple"):
-            good = isinstance(value, list) and all(isinstance(one, str) for one in value)
+            good = isinstance(value, list) and bool(value) and all(isinstance(one, str) for one in value)
             values[name] = tuple(value) if good else value
         else:
             good = type(value) is int and value > 0 if kind == "int" else isinstance(value, str)
@@ -124,7 +144,19 @@ def _checked(where: str, entry: Mapping[str, Any], of: type, computed: tuple[str
     return values
 
 
-def _check_inside(where: str, *folders: str) -> None:
-    for folder in map(PurePosixPath, folders):
-        if folder.is_absolute() or ".." in folder.parts or "\\" in str(folder):
-            raise FormatError(f"{where}: expected a folder inside that of the data set, got {str(folder)!r}")
+def is_usual_name(name: str) -> bool:
+    """Whether every system allows a file or folder of this name, and does not hide it."""
+    is_plain = name.isprintable() and not set(name) & _FORBIDDEN and name == name.strip()
+    return is_plain and 0 < len(name) <= _MAX_NAME and not name.startswith(".")
+
+
+def _check_inside(where: str, folder: str) -> None:
+    if not all(map(is_usual_name, PurePosixPath(folder).parts)):
+        raise FormatError(f"{where}: expected a folder inside that of the data set, got {folder!r}")
+
+
+def _check_glob(where: str, glob: str) -> None:
+    parts = PurePosixPath(glob).parts
+    if not parts or any("**" in part and part != "**" for part in parts):
+        raise FormatError(f"{where}: expected a glob such as takes/*.bvh, got {glob!r}")
+    _check_inside(where, re.sub(r"[*?]", "x", glob))

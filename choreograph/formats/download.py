@@ -8,26 +8,27 @@ unpacked keeps the last part of its name only, so that nothing is written outsid
 from __future__ import annotations
 
 import hashlib
+import re
 import shutil
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
-from choreograph.core.files import atomic_path, locked_folder, writing
+from choreograph.core.files import atomic_path, locked_folder, read_text, writing
 from choreograph.core.progress import ProgressReport
-from choreograph.formats.data_sets import DataSet, SetFile
+from choreograph.formats.data_sets import DataSet, SetFile, is_usual_name
 
 ARCHIVES = "downloads"  # folder inside that of a data set
 _TRIES = 3  # connections for one call
 _TIMEOUT_S = 60.0  # without any byte
 _BLOCK_BYTES = 1 << 18  # what a break loses
+_SHOWN = 3  # names in a note
 _MAX_FILES = 100_000  # of an archive
-_MAX_NAME = 200  # characters
-_FORBIDDEN = set('<>:"|?*\\')  # in names, on some systems
 
 
 def fetch(
@@ -42,7 +43,8 @@ def fetch(
 
     Returns
     -------
-    int, tuple of str   the number of unpacked files, and notes on files without a published sum
+    int, tuple of str   the number of unpacked files, and notes on files without a published sum and on
+        unpacked files that were changed, which are left as they are
 
     Raises
     ------
@@ -57,7 +59,15 @@ def fetch(
             archive = _downloaded(file, folder / ARCHIVES, data_set.page, report)
             if not file.sum:
                 notes.append(f"{file.name}: its owners publish no sum. {_recorded(archive)}")
-            n_files += unpack(archive, folder / file.into, file)
+            kept, changed = unpack(archive, folder / file.into, file)
+            n_files += len(kept)
+            if changed:
+                others = len(changed) - _SHOWN
+                names = ", ".join(changed[:_SHOWN]) + (f" and {others} more" if others > 0 else "")
+                notes.append(
+                    f"{folder / file.into}: files that differ from those in {file.name} are left as they "
+                    f"are: {names}. Remove those that you want to unpack again"
+                )
     return n_files, tuple(notes)
 
 
@@ -101,9 +111,20 @@ def _downloaded(file: SetFile, folder: Path, page: str, report: ProgressReport |
 
 
 def _known_sum(archive: Path) -> str | None:
-    """The sum that an earlier download recorded beside a file, or None."""
+    """The sum that an earlier download recorded beside a file, or None.
+
+    Raises `FormatError` for a record that has none.
+    """
     record = archive.with_name(f"{archive.name}.sha256")
-    return f"sha256:{record.read_text(encoding='ascii').split()[0]}" if record.is_file() else None
+    if not record.is_file():
+        return None
+    found = re.match(r"[0-9a-f]{64}\b", read_text(record, "a sum as sha256sum writes it"))
+    if not found:
+        raise FormatError(
+            f"{record}: expected the SHA-256 of {archive.name}, got another text: remove this file to record "
+            "the sum again"
+        )
+    return f"sha256:{found[0]}"
 
 
 def _recorded(archive: Path) -> str:
@@ -135,6 +156,12 @@ class _Receiver:
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError):
                 if not left:
                     raise
+            except (requests.RequestException, ChoreographError):
+                raise
+            except ValueError as error:
+                raise ChoreographError(
+                    f"{url}: expected the file, got an address or an answer that is not of HTTP: {error}"
+                ) from None
         shutil.move(self.part, output_file)
         self.tag.unlink(missing_ok=True)
 
@@ -155,7 +182,7 @@ class _Receiver:
             span = answer.headers.get("Content-Range", "")
             is_rest = answer.status_code == requests.codes.partial_content
             if is_rest and not span.startswith(f"bytes {had}-"):
-                self.part.unlink()
+                self.part.unlink(missing_ok=True)
                 raise requests.ConnectionError(f"another part than asked for: {span[:40]}")
             start = had if is_rest else 0
             total = start + int(answer.headers.get("Content-Length", 0))
@@ -188,12 +215,14 @@ def _write_tag(path: Path, headers: Any) -> None:
     path.write_text(tag, encoding="latin-1")
 
 
-def unpack(archive: Path, folder: Path, file: SetFile) -> int:
+def unpack(archive: Path, folder: Path, file: SetFile) -> tuple[list[str], list[str]]:
     """Write the kept files of a ZIP file to a folder, under the last part of their names.
 
-    Files that are there with their size are left as they are. Returns the number of kept files. Raises
-    `FormatError` for another file, a damaged or locked one, two files of one name, or more than is allowed.
+    Files that are there are left as they are, since somebody may have changed them. Returns the names of the
+    kept files, and of those that are there with another content. Raises `FormatError` for another file, a
+    damaged or locked one, two files of one name, or more than is allowed.
     """
+    changed = []
     try:
         with zipfile.ZipFile(archive) as content:
             kept = _kept(archive, content, file)
@@ -201,12 +230,28 @@ def unpack(archive: Path, folder: Path, file: SetFile) -> int:
                 folder.mkdir(parents=True, exist_ok=True)
             for name, info in kept.items():
                 target = folder / name
-                if not target.is_file() or target.stat().st_size != info.file_size:
+                if not target.is_file():
                     with atomic_path(target) as temporary, content.open(info) as source:
                         _copy(source.read, temporary, info.file_size, f"{archive}: {name}")
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise FormatError(f"{archive}: expected a ZIP file, got a damaged or locked one: {error}") from None
-    return len(kept)
+                elif _is_changed(target, info):
+                    changed.append(name)
+    except ChoreographError:
+        raise
+    except Exception as error:  # of a damaged file, zipfile and its decoders raise a dozen kinds
+        raise FormatError(f"{archive}: expected a ZIP file, got a damaged or locked one: {error}") from error
+    return list(kept), changed
+
+
+def _is_changed(path: Path, info: zipfile.ZipInfo) -> bool:
+    """Whether a file has another content than an entry of an archive. True if it cannot be read."""
+    with suppress(OSError):
+        if path.stat().st_size == info.file_size:
+            found = 0
+            with path.open("rb") as content:
+                while block := content.read(_BLOCK_BYTES):
+                    found = zlib.crc32(block, found)
+            return found != info.CRC
+    return True
 
 
 def _kept(archive: Path, content: zipfile.ZipFile, file: SetFile) -> dict[str, zipfile.ZipInfo]:
@@ -216,7 +261,7 @@ def _kept(archive: Path, content: zipfile.ZipFile, file: SetFile) -> dict[str, z
     for info, name in _named(content):
         if not any(fnmatch(name, pattern) for pattern in file.keep):
             continue
-        if len(name) > _MAX_NAME or not name.isprintable() or set(name) & _FORBIDDEN:
+        if not is_usual_name(name):
             raise FormatError(f"{archive}: expected usual names of files, got {name[:80]!r}")
         if name.casefold() in seen:  # some systems do not tell small letters from capitals
             raise FormatError(f"{archive}: expected one file of each name, got two named {name}")

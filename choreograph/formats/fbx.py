@@ -109,7 +109,6 @@ class FbxWriter(Writer):
     """Writes a GLB and converts it with Blender. The same motion need not give the same bytes."""
 
     format = "fbx"
-    uses = ("character",)
 
     @classmethod
     def check(cls, path: str | Path) -> None:

@@ -15,9 +15,6 @@ None of the files states its rate. A note says which one was assumed.
 
 from __future__ import annotations
 
-import io
-import struct
-import tokenize
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -29,9 +26,10 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_bytes
 from choreograph.core.numerics import Floats
 from choreograph.formats.aist import arrays_of, has_scaling
-from choreograph.formats.amass import rotated_world, smpl_motion
+from choreograph.formats.amass import LARGEST_NUMBER, numbers_of, rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up, unit_m
 from choreograph.formats.manifest import SkippedFile, each_attempted
+from choreograph.formats.npy import MAGIC, array_of, header_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.marker_fitting import fit_positions
 from choreograph.motion.motion import Credits, Motion, Take, check_length
@@ -40,8 +38,8 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 LAYOUT = "a dance of EDGE, LODGE, FACT or Bailando: a pickle or .npy of SMPL poses or joint positions"
 _SUFFIXES = (".pkl", ".npy")
 _MAX_BYTES = 1 << 28
-_MAGIC = b"\x93NUMPY"
 _PICKLE_FPS = 30.0
+_LONGEST_NAME = 40
 _BODY = 22  # joints before the hands
 _CONTACTS, _ZEROS = 4, 6  # columns before those of the motion
 
@@ -73,46 +71,31 @@ def _take(path: Path) -> Take:
 def _content(path: Path) -> Any:
     """The dictionary of a pickle, or the array or pickled dictionary of an .npy file. Runs no code of it."""
     data = read_bytes(path, "a dance", max_bytes=_MAX_BYTES)
-    if not data.startswith(_MAGIC):
+    if not data.startswith(MAGIC):
         return arrays_of(data)
-    try:
-        return np.load(io.BytesIO(data), allow_pickle=False, max_header_size=1 << 12)
-    except (
-        ValueError, TypeError, EOFError, AttributeError, MemoryError, OverflowError, struct.error,
-        tokenize.TokenError, SyntaxError,
-    ) as error:  # fmt: skip
-        if "allow_pickle" in str(error):
-            return arrays_of(data[_header_bytes(data) :])
-        reason = " ".join(str(error).split())[:200]
-        raise FormatError(f"expected an array, got a damaged one ({reason}): cut off?") from None
-
-
-def _header_bytes(data: bytes) -> int:
-    """The length of the header of an .npy file."""
-    size = "<H" if data[6] == 1 else "<I"  # by the version of the format
-    return 8 + struct.calcsize(size) + int(struct.unpack_from(size, data, 8)[0])
+    header = header_of(data)
+    return arrays_of(data[header.n_bytes :]) if header.kind is None else array_of(data, header)
 
 
 def _motion_of(content: Any) -> tuple[Motion, tuple[str, ...]]:
     """The motion of a dictionary or an array, with notes."""
     if not isinstance(content, Mapping):
-        return _from_array(np.asarray(content))
+        return _from_array(content)
     if "smpl_poses" in content and "smpl_trans" in content:
         motion = smpl_motion(content["smpl_poses"], content["smpl_trans"], _PICKLE_FPS)
         return motion, (_rate_note(_PICKLE_FPS),)
     for name in ("pred_position", "full_pose"):
         if name in content:
-            return _from_array(np.asarray(content[name]))
-    names = ", ".join(sorted(map(str, content))[:4])
+            return _from_array(content[name])
+    names = ", ".join(ascii(name[:_LONGEST_NAME])[1:-1] for name in sorted(content)[:4])
     raise FormatError(
         f"expected smpl_poses and smpl_trans, pred_position or full_pose, got {names or 'nothing'}"
     )
 
 
-def _from_array(array: np.ndarray) -> tuple[Motion, tuple[str, ...]]:
-    if array.dtype.kind not in "fiu":
-        raise FormatError(f"expected an array of numbers, got one of {array.dtype}")
-    rows = np.asarray(array, np.float64)
+def _from_array(array: Any) -> tuple[Motion, tuple[str, ...]]:
+    rows = numbers_of(array)
+    shape = rows.shape
     if rows.ndim == 4 and rows.shape[0] == 1:  # a batch of one dance
         rows = rows[0]
     if rows.ndim == 3:  # joints of a frame, or parts of a dance one after another
@@ -121,9 +104,9 @@ def _from_array(array: np.ndarray) -> tuple[Motion, tuple[str, ...]]:
     layout = _LAYOUTS.get(rows.shape[1]) if rows.ndim == 2 else None
     if layout is None or len(rows) == 0:
         known = ", ".join(map(str, _LAYOUTS))
-        raise FormatError(f"expected an array (T, N) with N among {known}, got {array.shape}")
-    if not np.isfinite(rows).all():
-        raise FormatError("expected finite numbers, got some that are not: damaged data?")
+        raise FormatError(f"expected an array (T, N) with N among {known}, got {shape}")
+    if not (np.abs(rows) < LARGEST_NUMBER).all():
+        raise FormatError(f"expected finite numbers below {LARGEST_NUMBER:g}, got others: damaged data?")
     make, fps = layout
     check_length(len(rows), len(CANONICAL_JOINTS), fps)
     return make(rows, fps), (_rate_note(fps),)
@@ -141,8 +124,8 @@ def _from_6d(rows: Floats, fps: float) -> Motion:
 
 def _orthogonal(six: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) of their first two rows (..., 2, 3), which need not be orthogonal."""
-    x = _unit(six[..., 0, :])
-    y = _unit(six[..., 1, :] - (x * six[..., 1, :]).sum(axis=-1, keepdims=True) * x)
+    x, y = _unit(six[..., 0, :]), _unit(six[..., 1, :])
+    y = _unit(y - (x * y).sum(axis=-1, keepdims=True) * x)
     return np.stack([x, y, np.cross(x, y)], axis=-2)
 
 
@@ -170,12 +153,19 @@ def _posed(root_pos_m: Floats, quat: Floats, fps: float) -> Motion:
 
 def _from_positions(rows: Floats, fps: float) -> Motion:
     """Joint positions (T, 3 J) in any unit, fitted by a body of the same bone lengths."""
+    if len(rows) < 2:
+        raise FormatError("expected joint positions of two frames or more, got one frame")
     pos = rows.reshape(len(rows), -1, 3)
     roles, body = CANONICAL_JOINTS[: pos.shape[1]], canonical_skeleton()
     rotation, _ = rotation_to_y_up(body, pos)
     pos_m = rot.rotate(rotation, pos * unit_m(body, pos)[0])
     skeleton = _with_lengths_of(pos_m)
-    return Motion(skeleton, *fit_positions(skeleton, pos_m, roles, fps=fps), fps)
+    try:
+        return Motion(skeleton, *fit_positions(skeleton, pos_m, roles, fps=fps), fps)
+    except ParameterError:
+        raise
+    except ValueError:  # of a frame whose joints are in one place, or of a body without a size
+        raise FormatError("expected joint positions of a body, got others: another layout?") from None
 
 
 def _with_lengths_of(pos_m: Floats) -> Skeleton:

@@ -35,7 +35,6 @@ class GlbWriter(Writer):
     """
 
     format = "glb"
-    uses = ("character", "camera", "target")
     target: Target | None = None  # the program that the file is for
     clip: str = ANIMATION_NAME  # the name of its animation
 

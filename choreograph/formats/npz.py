@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ import numpy as np
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
+from choreograph.formats.npy import array_of
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import FARTHEST_M, Credits, Motion, Take, check_length
@@ -57,27 +57,37 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
         raise ParameterError(f"expected an NPZ file at {path}, got nothing: there is no such file")
     check_regular(path, "an NPZ file")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            sizes = {entry.filename.removesuffix(".npy"): entry.file_size for entry in archive.zip.infolist()}
+        with zipfile.ZipFile(path) as archive:
+            entries = {entry.filename.removesuffix(".npy"): entry for entry in archive.infolist()}
+            missing = [name for name in names if name not in entries]
+            if missing:
+                raise FormatError(f"{path}: expected arrays {', '.join(names)}, got no {', '.join(missing)}")
             limit = min(_MAX_BYTES, _FREE_BYTES + _UNPACKED_RATIO * path.stat().st_size)
-            if sum(sizes.get(name, 0) for name in names) > limit:
+            if sum(entries[name].file_size for name in names) > limit:
                 raise FormatError(f"{path}: expected at most {limit >> 20} MiB of arrays, got more")
-            return {name: archive[name] for name in names}
+            return {name: _array(archive, entries[name], path) for name in names}
     except FormatError:
         raise
-    except KeyError as error:
-        raise FormatError(
-            f"{path}: expected arrays {', '.join(names)}, got others: {error.args[0]}"
-        ) from None
     except (
-        OSError, ValueError, TypeError, EOFError, AttributeError, MemoryError, NotImplementedError,
-        zipfile.BadZipFile, zlib.error, tokenize.TokenError, SyntaxError,
+        OSError, ValueError, EOFError, MemoryError, NotImplementedError, zipfile.BadZipFile, zlib.error,
         RuntimeError,  # an entry is encrypted
     ) as error:  # fmt: skip
         raise FormatError(
             f"{path}: expected an NPZ file, got no valid one ({str(error)[:200]}): damaged, cut off, or "
             "another format"
         ) from None
+
+
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, path: Path) -> np.ndarray:
+    if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise FormatError(f"{path}: expected arrays that are stored or deflated, got another compression")
+    try:
+        with archive.open(entry) as file:
+            return array_of(
+                file.read(entry.file_size)
+            )  # without a size, all that it unpacks to is read first
+    except FormatError as error:
+        raise FormatError(f"{path}: {entry.filename[:40]}: {error}") from None
 
 
 def read_npz(path: str | Path) -> Motion:

@@ -21,7 +21,13 @@ from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import counted
 from choreograph.core.timebase import STORE_FPS
-from choreograph.formats import added_formats, builtin_formats, writers
+from choreograph.formats import (
+    added_formats,
+    builtin_formats,
+    leave_out_format,
+    motion_formats,
+    writer_of,
+)
 from choreograph.formats.axes_and_units import body_height
 from choreograph.formats.gltf_files import referenced_files
 from choreograph.formats.manifest import (
@@ -223,9 +229,15 @@ def is_motion(path: Path) -> bool:
 
 
 def _detects(importer: Any, source: Path) -> bool:
-    if hasattr(importer, "detect"):
+    if not hasattr(importer, "detect"):
+        return source.is_file() and source.suffix.lower() in importer.SUFFIXES
+    try:
         return bool(importer.detect(source))
-    return source.is_file() and source.suffix.lower() in importer.SUFFIXES
+    except Exception as error:  # code of another package may raise anything
+        if importer not in added_formats():
+            raise
+        leave_out_format(importer, error)
+        return False
 
 
 def read_take(path: str | Path, *, bone_map: Mapping[str, str] | None = None) -> Take:
@@ -272,10 +284,10 @@ def load_motion(path: str | Path, *, bone_map: Mapping[str, str] | None = None) 
 
 def get_writer(format: str) -> Writer:
     """The writer of a format such as "bvh". Raises `ParameterError` if the format is unknown."""
-    known = writers()
+    known = motion_formats()
     if format.lower() not in known:
         raise unexpected(f"a motion format among {', '.join(known)}", format)
-    return known[format.lower()]()
+    return writer_of(format.lower())()
 
 
 @default_numerics()

@@ -61,7 +61,8 @@ def _copied(address: str, folder: Path, report: ProgressReport | None) -> Path:
         files = sorted(filesystem.find(path)) if is_folder else [path]
         if not files or not (is_folder or filesystem.exists(path)):
             raise ParameterError(f"expected takes at {address}, got nothing: there is no such file or folder")
-        name = PurePosixPath(path.rstrip("/")).name or "takes"
+        name = PurePosixPath(path.rstrip("/")).name
+        name = "takes" if name in ("", "..") else name
         for done, file in enumerate(files):
             inside = PurePosixPath(file).relative_to(path) if is_folder else PurePosixPath()
             _copy(filesystem, file, folder / name / _checked(inside, address))
@@ -69,8 +70,9 @@ def _copied(address: str, folder: Path, report: ProgressReport | None) -> Path:
                 report("copying takes", done + 1, len(files))
     except ChoreographError:
         raise
-    except (ImportError, ValueError, OSError) as error:
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
+    except Exception as error:  # each protocol raises its own
+        is_clear = isinstance(error, ImportError | ValueError | OSError) and str(error)
+        reason = " ".join((str(error) if is_clear else f"{type(error).__name__}: {error}").split())
         raise ParameterError(f"{address}: expected takes, could not read them: {reason}") from error
     return folder / name
 

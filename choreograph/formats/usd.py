@@ -38,7 +38,6 @@ class UsdaWriter(Writer):
     """
 
     format = "usda"
-    uses = ("camera",)
 
     @classmethod
     def check(cls, path: str | Path) -> None:

@@ -208,7 +208,6 @@ class VmdWriter(Writer):
     """
 
     format = "vmd"
-    uses = ("target",)
     figures: Sequence[Figure] = ()  # that are danced, in seconds of the motion
 
     def write(self, motion: Motion, path: Path) -> None:

@@ -30,9 +30,11 @@ class Writer(ABC):
     """Writes motions in one format. The same motion gives the same bytes."""
 
     format: ClassVar[str]  # also the suffix of the file, without the dot
+    # Of a writer of another package. `formats.BUILTIN` has what the built-in ones hold and use.
+    holds: ClassVar[str] = "motion"  # what its files hold, for the help
     uses: ClassVar[tuple[str, ...]] = ()  # options of `Dance.save`, beside `loop`
     is_dance: bool = False  # whether the file is marked as a dance, if the format allows it
-    camera: CameraPath | None = None  # that is written with the motion, if `uses` has "camera"
+    camera: CameraPath | None = None  # that is written with the motion, if the format uses it
 
     @abstractmethod
     def write(self, motion: Motion, path: Path) -> None:

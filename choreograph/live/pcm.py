@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +13,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.core.arguments import unexpected
+from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.live.sound import sound_device
 from choreograph.music.song import resampled
 
@@ -36,14 +38,13 @@ class PcmFormat:
     @classmethod
     def parse(cls, text: str) -> PcmFormat:
         """The format of RATE:CHANNELS:ENCODING, such as 44100:2:s16. Raises `ParameterError`."""
-        parts = text.split(":")
-        if len(parts) == 3 and parts[0].isdecimal() and parts[1].isdecimal() and parts[2] in _ENCODINGS:
-            found = cls(int(parts[0]), int(parts[1]), parts[2])
+        parts = re.fullmatch(r"(\d{1,9}):(\d{1,9}):(\w+)", text)
+        if parts and parts[3] in _ENCODINGS:
+            found = cls(int(parts[1]), int(parts[2]), parts[3])
             if found.is_usual:
                 return found
-        raise ParameterError(
-            f"expected RATE:CHANNELS:ENCODING such as 44100:2:s16, with {', '.join(_ENCODINGS)}, got {text!r}"
-        )
+        encodings = ", ".join(_ENCODINGS)
+        raise unexpected(f"RATE:CHANNELS:ENCODING such as 44100:2:s16, with {encodings}", text)
 
     @property
     def is_usual(self) -> bool:
@@ -57,6 +58,7 @@ class PcmFormat:
 
     def mono(self, data: bytes) -> NDArray[np.float32]:
         """Samples (S,) from -1 to 1 of bytes of whole frames, the mean of all channels."""
+        values: NDArray[Any]
         if self.encoding == "s24":
             padded = np.zeros((len(data) // 3, 4), np.uint8)
             padded[:, 1:] = np.frombuffer(data, np.uint8).reshape(-1, 3)
@@ -66,7 +68,9 @@ class PcmFormat:
             values = raw.astype(np.float32)
             if self.encoding == "u8":
                 values = values / 128.0 - 1.0
-            elif self.encoding != "f32":
+            elif self.encoding == "f32":
+                values = _finite(values)  # before channels are added, which may not be finite then
+            else:
                 values /= 2.0 ** (8 * raw.itemsize - 1)
         mixed: NDArray[np.float32] = values.reshape(-1, self.channels).mean(axis=1, dtype=np.float32)
         return mixed
@@ -86,7 +90,7 @@ def pcm_blocks(stream: BinaryIO, given: PcmFormat | None) -> Blocks:
 def _read(stream: BinaryIO, given: PcmFormat) -> Blocks:
     size = max(1, round(given.rate_hz * BLOCK_S)) * given.frame_bytes
     while data := stream.read(size):
-        yield _finite(given.mono(data[: len(data) - len(data) % given.frame_bytes]))
+        yield given.mono(data[: len(data) - len(data) % given.frame_bytes])
 
 
 def _finite(block: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-import math
 import reprlib
 from dataclasses import dataclass
 from typing import Any
 
 from choreograph.choreography.constraints import MotifPin, Pin, TakePin
+from choreograph.core.arguments import is_number
 from choreograph.core.errors import FormatError
 from choreograph.live.osc import Message
 from choreograph.render.dynamics import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
 
 KINDS = ("genre", "energy", "pin", "seed")
 _PREFIX = "/dance/"
+_MOST_DIGITS = 9  # of the number of a motif
 _EXAMPLES = "genre salsa, energy 0.7, pin take:NAME, pin motif:41 or seed 3"
 
 
@@ -35,15 +36,15 @@ class Request:
         """A checked request. Raises `FormatError` for another kind, or a value that it cannot have."""
         if kind == "genre" and isinstance(value, str):
             return cls(kind, value.strip())
-        if kind == "energy" and _is_number(value):
+        if kind == "energy" and is_number(value):
             return cls(kind, min(max(float(value), LEAST_AMPLITUDE), GREATEST_AMPLITUDE))  # type: ignore[arg-type]
-        if kind == "seed" and _is_number(value) and float(value) == int(value) >= 0:  # type: ignore[arg-type, call-overload]
+        if kind == "seed" and is_number(value) and float(value) == int(value) >= 0:  # type: ignore[arg-type, call-overload]
             return cls(kind, int(value))  # type: ignore[call-overload]
         if kind == "pin" and isinstance(value, str):
             of, _, name = value.partition(":")
-            if name and (of == "take" or (of == "motif" and name.isdecimal())):
+            if name and (of == "take" or (of == "motif" and name.isdecimal() and len(name) <= _MOST_DIGITS)):
                 return cls(kind, value)
-        raise FormatError(f"expected {_EXAMPLES}, got {kind} {reprlib.repr(value)}")
+        raise FormatError(f"expected {_EXAMPLES}, got {kind[:20]} {reprlib.repr(value)}")
 
     def pin(self, from_s: float, to_s: float) -> Pin:
         """A request for a take or a motif as a pin of the phrase between two times of the dance."""
@@ -81,7 +82,3 @@ def of_line(line: str) -> Request:
         except ValueError:
             raise FormatError(f"expected {_EXAMPLES}, got {reprlib.repr(line.strip())}") from None
     return Request.of(kind, value)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -43,7 +43,15 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import KnownSong, Song, as_song, check_span
 from choreograph.pipeline.figures import danced_figures, figures_from
-from choreograph.pipeline.keeping import ExistingDance, fill, kept_parts, moved_pins, part_of, read_existing
+from choreograph.pipeline.keeping import (
+    ExistingDance,
+    check_same_song,
+    fill,
+    kept_parts,
+    moved_pins,
+    part_of,
+    read_existing,
+)
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan import Plan
 from choreograph.render.assembly import off_stage
@@ -345,6 +353,8 @@ def _danced(
         song, repertoire, beats=config.beats, genre=requested.genre, keep=config.cache,
         report=substage(report, "analysing the song"), memory=memory,
     )  # fmt: skip
+    if kept_of is not None and kept_of[0].plan is not None:
+        check_same_song(kept_of[0].plan, song_features)
     if isinstance(song, KnownSong):
         song.forget_samples()  # of which an hour has 0.3 GB
     return_memory(song_features.duration_s)

@@ -42,7 +42,7 @@ from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.figures import danced_figures
-from choreograph.pipeline.keeping import kept_file_plan, part_of, read_existing
+from choreograph.pipeline.keeping import check_same_song, kept_file_plan, part_of, read_existing
 from choreograph.pipeline.rearranging import hold, moved_join, repetition
 from choreograph.plan_parts import TOUCH_S, PlannedEdit
 from choreograph.render.assembly import off_stage
@@ -81,7 +81,8 @@ def edit(
     ------
     FormatError      a file cannot be read
     RepertoireError  the repertoire lacks a take of the existing dance
-    ParameterError   an argument has a wrong type or value, or a time is outside of the dance
+    ParameterError   an argument has a wrong type or value, a time is outside of the dance, or the song is
+                     another one
     NoPathError      no piece of a take can be danced there
 
     Examples
@@ -136,7 +137,11 @@ def as_dance(existing: object, repertoire: Repertoire, song: str | Path | Song |
         raise unexpected("an existing dance as a Dance or a path", existing)
     known = read_existing(existing, repertoire)
     if known.plan is not None:
-        return Dance(known.motion, known.plan, song_path=_path_of(song))
+        path = _path_of(song)
+        if song is not None and (path is None or path.stem != known.plan.song):
+            loaded = part_of(song, None, None, known.plan, keep=True)
+            check_same_song(known.plan, analyse_song(loaded, repertoire)[0])
+        return Dance(known.motion, known.plan, song_path=path)
     if song is None:
         raise ParameterError(
             f"expected the song of {known.name} for its counts, got none: give it, or the plan of the dance"

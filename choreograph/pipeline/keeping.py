@@ -30,6 +30,8 @@ from choreograph.settings import DanceConfig
 
 _ATTEMPTS = 4  # with different seeds, to find a filling that needs little correction
 _SLOW_M_S = 0.08  # corrections of standing feet at this speed are hardly visible
+_SAME_BEAT_S = 0.07  # between two beats that are one
+_SAME_SONG = 0.6  # least share of beats that two songs have in common if they are one. By chance, it is .3
 _SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
 
 
@@ -110,6 +112,23 @@ def part_of(
     if isinstance(song, str | Path):
         return kept_song(song, start_s=start_s or 0.0, duration_s=duration_s, keep=keep)
     return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
+
+
+def check_same_song(existing: Plan, features: SongFeatures) -> None:
+    """Raise `ParameterError` if a song of another name than that of an existing dance has other beats, too.
+
+    A song that was renamed has the same beats.
+    """
+    beats_s = np.array(existing.music_beats_s)
+    if features.name == existing.song or not len(beats_s):
+        return
+    times_s = np.append(features.beat_times_s, np.inf)
+    nearest_s = np.abs(beats_s[:, None] - times_s).min(axis=1)  # (Q,)
+    if np.mean(nearest_s < _SAME_BEAT_S) < _SAME_SONG:
+        raise ParameterError(
+            f"expected the song {existing.song!r} of the existing dance, got {features.name!r}, which has "
+            "other beats: give that song, or make a new dance"
+        )
 
 
 def kept_parts(

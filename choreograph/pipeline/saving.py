@@ -17,7 +17,7 @@ from choreograph.core.counts import Figure, bars_of
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart, check_target, ends_of
 from choreograph.core.progress import ProgressReport, substage
-from choreograph.formats import writers
+from choreograph.formats import formats_using, motion_formats, output_formats, writer_of
 from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
 from choreograph.formats.fbx import convert
 from choreograph.formats.glb import GlbWriter, as_dance
@@ -94,7 +94,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         if suffix == "glb" and parts.camera is not None:
             document = with_camera(document, parts.camera)
         save_document(path, as_dance(document))
-    elif suffix in writers():
+    elif suffix in motion_formats():
         writer = BvhWriter(parts.bvh) if suffix == "bvh" else get_writer(suffix)
         writer.is_dance, writer.camera = True, parts.camera
         if isinstance(writer, GlbWriter) and parts.target is not None:
@@ -108,7 +108,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         if sound is not None:
             _save_sound(parts, sound)
     else:
-        _SAVERS[suffix].save(parts, Path(path), report)
+        _SAVERS[suffix](parts, Path(path), report)
 
 
 def sound_beside(path: str | Path, inputs: Sequence[Path]) -> Path:
@@ -168,22 +168,11 @@ def save_document(path: str | Path, document: GltfDocument) -> None:
             temporary.write_bytes(fbx.read_bytes())
 
 
-def output_formats() -> tuple[str, ...]:
-    """The formats of dances: those of motions, also from other packages, then the others."""
-    return (*writers(), *_SAVERS)
-
-
-def used_by(option: str) -> tuple[str, ...]:
-    """The formats that use an option of `Dance.save`."""
-    savers = [format for format, saver in _SAVERS.items() if option in saver.uses]
-    return (*savers, *(f for f, writer in writers().items() if option in ("loop", *writer.uses)))
-
-
 def check_options(path: str | Path, given: Mapping[str, object]) -> None:
     """Raise `ParameterError` for an option of `Dance.save` that the format of a file does not use."""
     for name in (name for name, value in given.items() if value):
-        if format_of(path) not in used_by(name):
-            users = ", ".join(f".{format}" for format in used_by(name))
+        if format_of(path) not in formats_using(name):
+            users = ", ".join(f".{format}" for format in formats_using(name))
             raise ParameterError(f"expected a file among {users} for {name}, got {path}: leave out {name}")
     if (target := given.get("target")) is not None:
         check_target_format(str(target), path)
@@ -191,7 +180,7 @@ def check_options(path: str | Path, given: Mapping[str, object]) -> None:
 
 def options_used(path: str | Path, given: Mapping[str, Any]) -> dict[str, Any]:
     """Those of the options of `Dance.save` that the format of a file uses."""
-    used = {name: value for name, value in given.items() if format_of(path) in used_by(name)}
+    used = {name: value for name, value in given.items() if format_of(path) in formats_using(name)}
     if used.get("target") is not None and not reads(used["target"], path):
         del used["target"]  # a .vmd beside a .glb for an engine, or the other way round
     return used
@@ -204,8 +193,8 @@ def check_outputs(paths: Sequence[str | Path]) -> None:
         format, formats = format_of(path), output_formats()
         if format not in formats:
             raise ParameterError(f"{path}: expected a format among {', '.join(formats)}, got {format!r}")
-        if format in writers():
-            writers()[format].check(path)
+        if format in motion_formats():
+            writer_of(format).check(path)
         check_target(path)
 
 
@@ -308,15 +297,7 @@ def _labels(plan: Plan) -> list[str]:
     return [f"{time:.2f} s   bar {bar} · {number}" for time, bar, number in counts]
 
 
-@dataclass(frozen=True)
-class _Saver:
-    """A format that shows a dance or describes it, and the options of `Dance.save` that it uses."""
-
-    save: Callable[[SavedParts, Path, ProgressReport | None], None]
-    uses: tuple[str, ...] = ()
-
-
-_SAVERS = {
-    "json": _Saver(_save_plan), "html": _Saver(_save_page, ("character", "camera")),
-    "mp4": _Saver(_save_video, ("click", "camera")), "png": _Saver(_save_strip),
+# By the names of `formats.SHOWN`.
+_SAVERS: dict[str, Callable[[SavedParts, Path, ProgressReport | None], None]] = {
+    "json": _save_plan, "html": _save_page, "mp4": _save_video, "png": _save_strip,
 }  # fmt: skip

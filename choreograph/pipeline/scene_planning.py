@@ -10,7 +10,7 @@ import numpy as np
 from choreograph.characters.gltf_character import GltfCharacter
 from choreograph.choreography.formations import formation_places
 from choreograph.choreography.relations import Relation, dancer_parts, pair_of
-from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, value_at
+from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, values_at
 from choreograph.choreography.stage_paths import (
     LEAST_GAP_M,
     MARGIN_M,
@@ -115,9 +115,8 @@ def plan_scene(
         return PlannedScene(ScenePlan(plans, (alone,)), (motion,), ())
     found, end_s = Places.of_song(features), leader.duration_s
     starts_s = borders_s(features, (request.formations, request.relations), found)
-    middles_s = [start_s + 0.01 for start_s in starts_s]
-    related = [value_at(request.relations, time_s, found, end_s) for time_s in middles_s]
-    formed = [value_at(request.formations, time_s, found, end_s) for time_s in middles_s]
+    related = values_at("relation", request.relations, starts_s, found, end_s)
+    formed = values_at("formation", request.formations, starts_s, found, end_s)
     knots = formation_knots(starts_s, formed, request.places, leader.music_beats_s, end_s)
     all_parts = [
         dancer_parts(

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from choreograph.core.arguments import check_text
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport, substage
+from choreograph.formats import formats_using, output_formats
 from choreograph.formats.glb import as_dance, scene_document
 from choreograph.formats.gltf_camera import with_camera
 from choreograph.formats.usd import export_stage, scene_stage
@@ -26,26 +27,19 @@ from choreograph.pipeline.saving import (
 if TYPE_CHECKING:
     from choreograph.pipeline.scenes import Dancer, Scene
 
-_TOGETHER = (
-    "html",
-    "json",
-    "glb",
-    "fbx",
-    "usda",
-    "usdc",
-    "mp4",
-    "png",
-)  # formats of one file for all dancers
-_WITH_CHARACTERS = ("glb", "fbx")  # of which each dancer gets a file, if characters dance
-
 
 def scene_paths(path: str | Path, n_dancers: int, *, characters: bool = False) -> tuple[Path, ...]:
     """The files that a scene writes for a path: the path itself, or NAME-1.bvh and so on for each dancer."""
     path = Path(path)
-    together = format_of(path) in _TOGETHER and not (characters and format_of(path) in _WITH_CHARACTERS)
-    if n_dancers == 1 or together:
+    has_one = output_formats()[format_of(path)].together
+    if n_dancers == 1 or (has_one and not (characters and _holds_characters(format_of(path)))):
         return (path,)
     return tuple(path.with_name(f"{path.stem}-{number + 1}{path.suffix}") for number in range(n_dancers))
+
+
+def _holds_characters(format: str) -> bool:
+    """Whether the files of a format can hold the characters of a scene: a file for each."""
+    return format in formats_using("character", in_scenes=True)
 
 
 def check_scene_outputs(paths: Sequence[str | Path], n_dancers: int, *, characters: bool = False) -> None:
@@ -77,13 +71,13 @@ def save_scene(
         with atomic_path(path) as temporary:
             temporary.write_text(scene.plan.to_json(), encoding="utf-8")
     elif len(paths) == n_dancers:
-        used = suffix in (*_WITH_CHARACTERS, "html")
+        used = "character" in output_formats()[suffix].uses
         for dancer, own in zip(scene.dancers, paths, strict=True):
             parts = _parts(scene, dancer, with_clicks and suffix == "mp4", filmed)
             save_dance(own, replace(parts, character=dancer.character if used else None), report)
     elif suffix == "html":
         _save_page(scene, path, filmed, report)
-    elif suffix in _WITH_CHARACTERS:
+    elif suffix in ("glb", "fbx"):
         names = [dancer.name for dancer in scene.dancers]
         document = scene_document(scene.motions, names)
         save_document(path, as_dance(document if filmed is None else with_camera(document, filmed)))

@@ -184,6 +184,8 @@ def scene(
     request = SceneRequest.of(_names(dancers), _texts("formation", formation), _texts("relation", relation))
     genres = _genres(genre, request)
     bodies = as_list("characters", characters, "paths or characters", str | Path | GltfCharacter)
+    if len(bodies) > len(request.names):
+        raise _too_many("character", len(bodies), len(request.names))
     known = [one if isinstance(one, GltfCharacter) else read_character(one) for one in bodies]
     check_function("report", report)
     config = as_config(config)
@@ -351,10 +353,19 @@ def _texts(what: str, given: object) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else as_texts(what, given)
 
 
+def _too_many(what: str, given: int, n_dancers: int) -> ParameterError:
+    return ParameterError(
+        f"expected a {what} for each of {counted(n_dancers, 'dancer')} at most, got {given}: leave out "
+        "others, or add dancers"
+    )
+
+
 def _genres(genre: object, request: SceneRequest) -> tuple[str, ...]:
     genres = () if genre is None else _texts("genre", genre)
     if len(genres) > 1 and not request.is_free:
         raise ParameterError(
             f"expected one genre unless dancers are free, got {len(genres)}: add the relation free"
         )
+    if len(genres) > request.n_dances:
+        raise _too_many("genre", len(genres), request.n_dances)
     return genres

@@ -104,13 +104,8 @@ class Run:
 
     def source_s(self, times_s: Floats) -> Floats:
         """Source times at times of the dance. Beyond the ends, the speed stays that of the end."""
-        since = np.asarray(times_s, np.float64) - self.start_s
         knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
-        inside = CubicSpline(knots, self.source_times_s)
-        source = inside(np.clip(since, 0.0, self.length_s))
-        source += np.minimum(since, 0.0) * inside.rate(0.0)
-        frames_s: Floats = source + np.maximum(since - self.length_s, 0.0) * inside.rate(self.length_s)
-        return frames_s
+        return CubicSpline(knots, self.source_times_s).continued(np.asarray(times_s) - self.start_s)
 
     def cut(self, start_s: float, stop_s: float) -> Run:
         """The part of the run between two times of the dance."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -43,7 +42,7 @@ def make_app(service: Service, access: Access) -> FastAPI:
     @app.exception_handler(ChoreographError)
     def refused(request: Request, error: Exception) -> JSONResponse:
         status = error.status if isinstance(error, Refusal) else 400
-        content: dict[str, Any] = {"error": str(error).replace(f"{service.desk.folder}{os.sep}", "")}
+        content: dict[str, Any] = {"error": service.said(error)}
         if isinstance(error, ConflictError):
             content["state"] = service.state()
         return JSONResponse(content, status)
@@ -54,8 +53,9 @@ def make_app(service: Service, access: Access) -> FastAPI:
 
     @app.exception_handler(HTTPException)
     def unknown(request: Request, error: Exception) -> JSONResponse:
-        status = getattr(error, "status_code", 400)
-        return JSONResponse({"error": f"{getattr(error, 'detail', '')}: {request.url.path[:80]}"}, status)
+        assert isinstance(error, HTTPException)
+        content = {"error": f"{error.detail}: {request.url.path[:80]}"}
+        return JSONResponse(content, error.status_code, error.headers)
 
     return app
 

@@ -7,6 +7,7 @@ written to the file of the project, and is then the newest state. If it cannot b
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -90,14 +91,15 @@ class Desk:
         damaged or of another song.
         """
         path = project_path(song_path) if file_path is None else file_path
-        if path.parent.resolve() != song_path.parent.resolve():
+        folders = {os.path.realpath(path.parent), os.path.dirname(os.path.realpath(path))}
+        if os.path.realpath(song_path.parent) not in folders:
             raise ParameterError(f"expected the project beside its song {song_path}, got {path}")
         file, project = opened(path, song_path.name, self._file)
         if file is not self._file:
             self.close()
         if project is None:
             project = Project(song_path.name, settings=self.project.settings)
-        self._file, self.folder = file, path.parent
+        self._file, self.folder = file, song_path.parent
         self._forget(project)
 
     def _forget(self, project: Project) -> None:

@@ -11,9 +11,10 @@ from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
+from choreograph.formats import output_formats
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.figures import figures_from
-from choreograph.pipeline.saving import SavedParts, options_used, output_formats, save_dance
+from choreograph.pipeline.saving import SavedParts, options_used, save_dance
 from choreograph.pipeline.scene_saving import scene_paths
 from choreograph.studio.project import Span
 from choreograph.studio.step_scenes import StagedScene

@@ -86,8 +86,13 @@ class Job:
 class Jobs:
     """Runs jobs in lanes, each a thread, in which they run one after another: dances, files and builds."""
 
-    def __init__(self, on_change: Callable[[Job], None] = lambda job: None) -> None:
-        self._on_change = on_change
+    def __init__(
+        self,
+        on_change: Callable[[Job], None] = lambda job: None,
+        said: Callable[[BaseException], str] = str,
+    ) -> None:
+        """`on_change` is called when a job changes, and `said` returns what pages show of an error."""
+        self._on_change, self._said = on_change, said
         self._jobs: OrderedDict[str, Job] = OrderedDict()
         self._lock = threading.Lock()
         self._threads: dict[str, ThreadPoolExecutor] = {}
@@ -110,7 +115,7 @@ class Jobs:
             if lane not in self._threads:
                 self._threads[lane] = ThreadPoolExecutor(1, thread_name_prefix=lane)
             future = self._threads[lane].submit(_worked, job, work)
-        future.add_done_callback(partial(_end, job))
+        future.add_done_callback(partial(_end, job, self._said))
         return job, future
 
     def get(self, id: str) -> Job:
@@ -141,7 +146,7 @@ def _worked(job: Job, work: Callable[[Job], Any]) -> Any:
     return work(job)
 
 
-def _end(job: Job, future: Future[Any]) -> None:
+def _end(job: Job, said: Callable[[BaseException], str], future: Future[Any]) -> None:
     """Take down how a job ended. A fault of the program goes to the log with its traceback."""
     job.ended_s = time.monotonic()
     error = None if future.cancelled() else future.exception()
@@ -152,7 +157,7 @@ def _end(job: Job, future: Future[Any]) -> None:
     else:
         known = isinstance(error, ChoreographError)
         job.error = (
-            str(error) if known else f"unexpected {type(error).__name__}: this is a bug, see the terminal"
+            said(error) if known else f"unexpected {type(error).__name__}: this is a bug, see the terminal"
         )
         job.status = getattr(error, "status", 400) if known else 500
         job.state = "failed"

@@ -3,6 +3,9 @@
 Steps form a tree. A step either has a whole plan, or adds edits to the plan of an earlier step. The path
 leads through the steps that undo and redo visit. Versions may be steps that the path has left. A project is
 never changed: each change returns another one.
+
+The size of a project is limited, so that a small file cannot take much memory. Of a larger one, the oldest
+steps of the path are left out.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from typing import Any, Literal
 
 from choreograph.core.arguments import is_number, is_whole
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import without_garbage_collection
 from choreograph.plan import Plan, plan_text
 from choreograph.plan_parts import PlannedEdit, faults_of_edit, read_edit
 from choreograph.studio.settings import Settings
@@ -26,7 +30,14 @@ FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
 SHORTEST_LEFT_S = 0.05  # of a part that is kept or locked. Shorter ones are left out
-_MOST_PLAN_BYTES = 1 << 28  # of one plan, when it is not compressed
+MOST_SIZE = 190_000_000  # of a project, as `_size_of` counts
+MOST_BYTES = MOST_SIZE // 3  # of its file, each byte of which counts three times
+_MOST_PLAN_SIZE = 100_000_000  # of one plan as JSON, only one of which is in memory: three hours of dance
+_MOST_PLAN_BYTES = _MOST_PLAN_SIZE // 3
+_VALUE_SIZE = 100  # of a comma or bracket of JSON: two of them make up {"a":0}, which takes most memory
+_EDIT_SIZE = 8  # of an edit, in each step that has it
+_STEP_SIZE = 5000  # of a step, beside its JSON
+_PLAN_SHARE = 2  # this part of all plans as JSON is counted, so that reading takes no more than minutes
 
 EditKind = Literal["swap", "vary", "repeat", "hold", "cut", "pin_take", "pin_motif", "ban"]  # of a page
 
@@ -41,34 +52,67 @@ class Step:
     parent: int | None  # number of the step whose plan it edits, or None for a whole plan
     request: str  # what was asked for, such as "swap 8-12"
     settings: Settings
-    base: bytes  # the plan without edits, as compressed JSON
+    base: str = field(repr=False)  # the plan without edits, as compressed JSON in base64
     edits: tuple[PlannedEdit, ...]  # of the whole plan
     changed: tuple[Span, ...]  # in which it differs from the step before
-    text: str = field(repr=False, default="")  # the step as JSON
+    text: str = field(repr=False)  # the step as JSON, without its plan
+    size: int = field(repr=False)  # its share of `MOST_SIZE`
 
     def plan(self) -> Plan:
         """The whole plan."""
-        return replace(Plan.from_json(_inflated(self.base)), edits=self.edits)
+        return replace(Plan.from_json(_unpacked(self.base)), edits=self.edits)
+
+    def to_json(self) -> str:
+        """The step as JSON text."""
+        return self.text if self.parent is not None else f'{self.text[:-1]},"plan":"{self.base}"}}'
+
+
+@dataclass(frozen=True)
+class PackedPlan:
+    """A plan without edits, as it is in a project."""
+
+    base: str  # as compressed JSON in base64
+    n_bytes: int  # of the JSON
+
+    @classmethod
+    def of(cls, plan: Plan) -> PackedPlan:
+        """Pack a plan. Raises `ParameterError` if it is too long for a project."""
+        text = plan_text(replace(plan, edits=())).encode()
+        if _size_of(text) > _MOST_PLAN_SIZE:
+            raise ParameterError(
+                f"expected a dance that a project can contain, got one of {plan.duration_s / 3600:.1f} hours"
+            )
+        return cls(base64.b64encode(zlib.compress(text, 6)).decode("ascii"), len(text))
 
 
 def new_step(
-    number: int, request: str, settings: Settings, plan: Plan, changed: Iterable[Span], parent: Step | None
+    number: int,
+    request: str,
+    settings: Settings,
+    own: tuple[PlannedEdit, ...],
+    changed: Iterable[Span],
+    of: Step | PackedPlan,
 ) -> Step:
-    """A step for a plan. With a parent, the plan is that of the parent with further edits."""
-    if parent is None:
-        base = zlib.compress(plan_text(replace(plan, edits=())).encode(), 6)
-        own = plan.edits
+    """A step with edits of its own, of a whole plan or of the plan of an earlier step."""
+    if isinstance(of, Step):
+        parent, edits, size = of.number, of.edits + own, 0
     else:
-        base, own = parent.base, plan.edits[len(parent.edits) :]
+        parent, edits, size = None, own, 3 * len(of.base) + of.n_bytes // _PLAN_SHARE
     spans = tuple((round(float(a), 6), round(float(b), 6)) for a, b in changed)
-    data: dict[str, Any] = {
-        "number": number, "parent": None if parent is None else parent.number, "request": request,
-        "settings": settings.to_data(), "changed": spans, "edits": [asdict(edit) for edit in own],
+    data = {
+        "number": number, "parent": parent, "request": request, "settings": settings.to_data(),
+        "changed": spans, "edits": [asdict(edit) for edit in own],
     }  # fmt: skip
-    if parent is None:
-        data["plan"] = base64.b64encode(base).decode("ascii")
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
-    return Step(number, data["parent"], request, settings, base, plan.edits, spans, text)
+    size += _STEP_SIZE + _size_of(text.encode()) + _EDIT_SIZE * len(edits)
+    return Step(number, parent, request, settings, of.base, edits, spans, text, size)
+
+
+def _size_of(data: bytes) -> int:
+    """About the bytes of memory that JSON takes while it is read: as bytes, as text, and as values."""
+    n_values = sum(map(data.count, (b"[", b"{", b",")))
+    width = 1 if data.isascii() else 4  # of each character of a text
+    return (1 + 2 * width) * len(data) + _VALUE_SIZE * n_values
 
 
 @dataclass(frozen=True)
@@ -120,7 +164,9 @@ class Project:
         With `edited`, the plan is that of the current step with further edits.
         """
         parent = self.current if edited else None
-        step = new_step(self.next_number, request, settings, plan, changed, parent)
+        own = plan.edits if parent is None else plan.edits[len(parent.edits) :]
+        of = PackedPlan.of(plan) if parent is None else parent
+        step = new_step(self.next_number, request, settings, own, changed, of)
         path = (*self.path[: self.at + 1], step.number)
         made = replace(
             self, steps={**self.steps, step.number: step}, path=path, at=len(path) - 1, settings=settings
@@ -187,7 +233,23 @@ class Project:
         return replace(self, character=name, bones=dict(bones))._changed()
 
     def _changed(self) -> Project:
-        """The project with the next revision, without steps that nothing leads to."""
+        """The project with the next revision, without steps that nothing leads to.
+
+        The oldest steps leave its path until it is within `MOST_SIZE`, else it raises `ParameterError`.
+        """
+        made = replace(self, steps=self._needed(), revision=self.revision + 1)
+        while made._size > MOST_SIZE:
+            if len(made.path) < 2:
+                raise ParameterError(
+                    "expected a project that can be read again, got too many edits: roll again"
+                )
+            path, at = (made.path[1:], made.at - 1) if made.at > 0 else (made.path[:-1], made.at)
+            made = replace(made, path=path, at=at)
+            made = replace(made, steps=made._needed())
+        return made
+
+    def _needed(self) -> dict[int, Step]:
+        """The steps of the path and of the versions, and those whose plans they edit."""
         needed: set[int] = set()
         todo = [*self.path, *self.versions.values()]
         while todo:
@@ -196,19 +258,26 @@ class Project:
                 needed.add(number)
                 parent = self.steps[number].parent
                 todo += [] if parent is None else [parent]
-        kept = {number: step for number, step in self.steps.items() if number in needed}
-        return replace(self, steps=kept, revision=self.revision + 1)
+        return {number: step for number, step in self.steps.items() if number in needed}
 
-    def to_json(self) -> str:
-        """The project as JSON text, with a line for each step, as in `data_schema/studio.schema.json`."""
-        head = {
+    @property
+    def _size(self) -> int:
+        return _size_of(self._head().encode()) + sum(step.size for step in self.steps.values())
+
+    def _head(self) -> str:
+        """All but the steps, as JSON text."""
+        data = {
             "format": FORMAT, "version": VERSION, "song": self.song,
             "revision": self.revision, "path": self.path, "at": self.at, "locks": self.locks,
             "versions": dict(self.versions), "settings": self.settings.to_data(), "character": self.character,
             "bones": dict(self.bones),
         }  # fmt: skip
-        lines = json.dumps(head, indent=1, allow_nan=False).removesuffix("\n}")
-        steps = ",\n".join(step.text for step in self.steps.values())
+        return json.dumps(data, indent=1, allow_nan=False)
+
+    def to_json(self) -> str:
+        """The project as JSON text, with a line for each step, as in `data_schema/studio.schema.json`."""
+        lines = self._head().removesuffix("\n}")
+        steps = ",\n".join(step.to_json() for step in self.steps.values())
         return f'{lines},\n "steps": [\n{steps}\n]\n}}\n'
 
 
@@ -228,10 +297,13 @@ def joined(spans: Iterable[Span], duration_s: float) -> tuple[Span, ...]:
     return tuple(made)
 
 
-def project_from_json(text: str, name: str) -> Project:
-    """Read a project. `FormatError` names what is missing or not valid."""
+def project_from_json(text: str | bytes, name: str) -> Project:
+    """Read a project. `FormatError` names what is missing or not valid, and refuses more than `MOST_SIZE`."""
+    encoded = text.encode(errors="surrogatepass") if isinstance(text, str) else text
+    _check_size(_size_of(encoded), name)
     try:
-        data = json.loads(text)
+        with without_garbage_collection():
+            data = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{name}: expected a project (JSON), could not parse it: {error}") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("version") != VERSION:
@@ -241,17 +313,27 @@ def project_from_json(text: str, name: str) -> Project:
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         if isinstance(error, FormatError):
             raise
-        said = f"no {error}" if isinstance(error, KeyError) else str(error)
+        said = f"no {reprlib.repr(error.args[0])}" if isinstance(error, KeyError) else str(error)[:200]
         raise FormatError(f"{name}: expected a project of the studio, got one with a fault: {said}") from None
+
+
+def _check_size(size: int, name: str) -> None:
+    if size > MOST_SIZE:
+        raise FormatError(
+            f"{name}: expected a project that takes at most {MOST_SIZE / 1e6:.0f} MB of memory, got another"
+        )
 
 
 def _project_of(data: dict[str, Any], name: str) -> Project:
     texts = {key: str(data[key]) for key in ("song", "character")}
     steps: dict[int, Step] = {}
-    bases: dict[int, Plan] = {}  # plans without edits, by the number of each step
+    durations_s: dict[int, float] = {}  # of plans, by the number of each step
+    size = 0
     for entry in data["steps"]:
-        step, base = _step_of(entry, steps, bases, name)
-        steps[step.number], bases[step.number] = step, base
+        step, duration_s = _step_of(entry, steps, durations_s, name)
+        steps[step.number], durations_s[step.number] = step, duration_s
+        size += step.size
+        _check_size(size, name)
     path, at, revision = tuple(data["path"]), data["at"], data["revision"]
     if not (is_whole(at) and is_whole(revision)):
         raise FormatError(f"{name}: expected a place in its path and a revision, got {at!r}, {revision!r}")
@@ -271,9 +353,9 @@ def _project_of(data: dict[str, Any], name: str) -> Project:
 
 
 def _step_of(
-    entry: dict[str, Any], steps: Mapping[int, Step], bases: Mapping[int, Plan], name: str
-) -> tuple[Step, Plan]:
-    """A step, and its plan without edits."""
+    entry: dict[str, Any], steps: Mapping[int, Step], durations_s: Mapping[int, float], name: str
+) -> tuple[Step, float]:
+    """A step, and the duration of its plan."""
     number, parent = entry["number"], None if entry["parent"] is None else steps[entry["parent"]]
     where = f"{name}: step {number!r:.20}"
     if not is_whole(number) or number in steps:
@@ -281,19 +363,17 @@ def _step_of(
     settings = Settings().changed(entry["settings"])
     own = tuple(read_edit(edit, f"{where}, edit {i}") for i, edit in enumerate(entry["edits"]))
     spans = tuple(_span(span) for span in entry["changed"])
+    of: Step | PackedPlan
     if parent is None:
-        try:
-            packed = base64.b64decode(entry["plan"], validate=True)
-        except binascii.Error as error:
-            raise FormatError(f"{where}: expected a plan in base64, got another text: {error}") from None
-        base = Plan.from_json(_inflated(packed, f"{where}: "), name=where)
+        text = _unpacked(entry["plan"], f"{where}: ")
+        duration_s = Plan.from_json(text, name=where).duration_s
+        of = PackedPlan(entry["plan"], len(text))
     else:
-        base = bases[parent.number]
+        of, duration_s = parent, durations_s[parent.number]
     for edit in own:
-        for fault in faults_of_edit(edit, base.duration_s):
+        for fault in faults_of_edit(edit, duration_s):
             raise FormatError(f"{where}: edit {edit.request[:80]}: {fault}")
-    plan = replace(base, edits=(*(parent.edits if parent else ()), *own))
-    return new_step(int(number), str(entry["request"]), settings, plan, spans, parent), base
+    return new_step(int(number), str(entry["request"]), settings, own, spans, of), duration_s
 
 
 def _span(entry: Any) -> Span:
@@ -303,13 +383,15 @@ def _span(entry: Any) -> Span:
     return float(start_s), float(end_s)
 
 
-def _inflated(base: bytes, where: str = "") -> str:
-    """The text of compressed bytes. Raises `FormatError` if they are damaged or far too long."""
+def _unpacked(base: str, where: str = "") -> str:
+    """The JSON of a plan. Raises `FormatError` if it is damaged or far too long."""
     inflater = zlib.decompressobj()
     try:
-        text = inflater.decompress(base, _MOST_PLAN_BYTES).decode()
+        data = inflater.decompress(base64.b64decode(base, validate=True), _MOST_PLAN_BYTES)
+        if inflater.unconsumed_tail or not inflater.eof or _size_of(data) > _MOST_PLAN_SIZE:
+            raise FormatError(f"{where}expected a whole plan, got one that is cut off or too long")
+        return data.decode()
+    except binascii.Error as error:
+        raise FormatError(f"{where}expected a plan in base64, got another text: {error}") from None
     except (zlib.error, UnicodeDecodeError) as error:
         raise FormatError(f"{where}expected a compressed plan, got damaged bytes: {error}") from None
-    if inflater.unconsumed_tail or not inflater.eof:
-        raise FormatError(f"{where}expected a whole plan, got one that is cut off or too long")
-    return text

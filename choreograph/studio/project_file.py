@@ -4,42 +4,57 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
+from shutil import copyfile
 
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import atomic_path, free_names, locked_folder, read_text, sha256_of
-from choreograph.studio.project import Project, project_from_json
+from choreograph.core.files import (
+    atomic_path,
+    check_target,
+    free_names,
+    locked_folder,
+    read_bytes,
+    sha256_of,
+)
+from choreograph.studio.project import MOST_BYTES, Project, project_from_json
 from choreograph.studio.refusals import UnknownTypeError
 
 SUFFIX = ".studio.json"
-MOST_BYTES = 1 << 29  # of a project file
 _LONGEST_NAME_BYTES = 160
-_NOT_IN_NAMES = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]|^\.|\.$|^\s|\s$')
+_NOT_IN_NAMES = re.compile(
+    r'[\x00-\x1f\x7f-\x9f\u2028\u2029/\\:*?"<>|]|^\.|\.$|^\s|\s$'
+    r"|^(con|prn|aux|nul|com\d|lpt\d)(\.|$)",  # devices on Windows
+    re.IGNORECASE,
+)
 
 
 class ProjectFile:
-    """The file of one project, which no other process can use until `close`."""
+    """The file of one project, which no other process can use until `close`.
+
+    If its path is a link, the file is the one that the link leads to, and the link stays as it is.
+    """
 
     def __init__(self, path: Path) -> None:
         """Lock the file. Raises `ChoreographError` if another process works with it."""
         self.path = path
+        self.real = check_target(os.path.realpath(path))
         self._open = ExitStack()
-        lock = path.with_name(f".{path.name}.lock")
+        lock = self.real.with_name(f".{self.real.name}.lock")
         self._open.enter_context(locked_folder(lock, doing=f"works on {path.name} in the studio"))
 
     def read(self) -> Project | None:
         """The project in the file, or None if there is no file. Raises `FormatError` if it is damaged."""
-        if not self.path.exists():
+        if not os.path.lexists(self.real):
             return None
-        text = read_text(self.path, "a project of the studio", max_bytes=MOST_BYTES)
-        return project_from_json(text, self.path.name)
+        data = read_bytes(self.real, "a project of the studio", max_bytes=MOST_BYTES)
+        return project_from_json(data, self.path.name)
 
     def write(self, project: Project) -> None:
         """Replace the file. Raises `ChoreographError` if it cannot be written. The old one is then kept."""
         with (
-            atomic_path(self.path) as temporary,
+            atomic_path(self.real) as temporary,
             open(temporary, "w", encoding="utf-8", newline="\n") as file,
         ):
             file.write(project.to_json())
@@ -57,7 +72,7 @@ def opened(path: Path, song: str, already: ProjectFile | None) -> tuple[ProjectF
     `already` is the file that is open. Raises as `ProjectFile`, and `FormatError` if the file is damaged or
     of another song.
     """
-    is_open = already is not None and already.path.resolve() == path.resolve()
+    is_open = already is not None and already.real == Path(os.path.realpath(path))
     file = already if is_open and already is not None else ProjectFile(path)
     try:
         project = file.read()
@@ -92,12 +107,22 @@ def checked_name(name: str, suffixes: Iterable[str]) -> str:
     return name
 
 
-def placed(temporary: Path, folder: Path) -> Path:
-    """Move a file into a folder. A file of the same name and content is used, another is kept beside it."""
-    target = folder / temporary.name
-    if target.is_file() and sha256_of(target) == sha256_of(temporary):
-        temporary.unlink()
-        return target
-    [free] = free_names([target], lambda path: os.path.lexists(path))
-    temporary.rename(free)
-    return free
+def placed(sent: Path, folder: Path, is_taken: Callable[[Path], bool] = lambda path: False) -> Path:
+    """Move a file into a folder, under a free name beside other files of its name. Returns its path.
+
+    A file of the same content is used instead, and a free name must not be taken for another reason.
+    Raises `ChoreographError` if it cannot be written.
+    """
+    checksum = sha256_of(sent)
+
+    def is_other(path: Path) -> bool:
+        if not os.path.lexists(path):
+            return is_taken(path)
+        return not (path.is_file() and sha256_of(path) == checksum)
+
+    [target] = free_names([folder / sent.name], is_other)
+    if not target.exists():
+        with atomic_path(target) as temporary:
+            copyfile(sent, temporary)
+    sent.unlink()
+    return target

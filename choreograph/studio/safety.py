@@ -3,6 +3,7 @@
 A page of another site can send requests to this machine, and by a name of its own that leads here it can
 even read the replies. So `Host` must be a name of this machine, and `Origin` the studio itself. If the studio
 is open to other machines, requests need a random token, which is in the address that the command prints.
+All this is checked before the body of a request is read.
 """
 
 from __future__ import annotations
@@ -12,17 +13,17 @@ import json
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from choreograph.studio.patience import PatientBody
 from choreograph.studio.refusals import ForbiddenError, TooLargeError
 
 COOKIE = "choreograph-studio"
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 MOST_JSON_BYTES = 1 << 20  # of a request whose body is not a file
+_LONGEST_LENGTH = 16  # digits of the length of a body
 _UNSAFE = {"POST", "PUT", "DELETE", "PATCH"}
 _POLICY = "; ".join(
     [
@@ -63,14 +64,15 @@ class Access:
 
     def check_host(self, host: str) -> None:
         """Raise `ForbiddenError` unless a `Host` header names this machine and this port."""
-        name, _, port = host.rpartition(":") if _has_port(host) else (host, "", "80")
-        known = name.lower() in LOOPBACK or (bool(self.token) and (name == self.host or _is_address(name)))
-        if not known or port != str(self.port):
+        name, _, port = host.rpartition(":") if ":" in host.rpartition("]")[2] else (host, "", "80")
+        name = name.removeprefix("[").removesuffix("]").lower()
+        is_served = bool(self.token) and (name == self.host.lower() or _address(name) is not None)
+        if not (is_loopback(name) or is_served) or port != str(self.port):
             raise ForbiddenError(f"expected a request to this machine, got one to {host[:80]!r}")
 
     def check_origin(self, origin: str | None, host: str) -> None:
         """Raise `ForbiddenError` if a request comes from the page of another site."""
-        if origin is not None and urlsplit(origin)[:2] != ("http", host):
+        if origin is not None and origin != f"http://{host}":
             raise ForbiddenError(f"expected a request of the studio's own page, got one of {origin[:80]!r}")
 
     def check_token(self, given: str | None) -> None:
@@ -84,19 +86,15 @@ class Access:
 
 def is_loopback(host: str) -> bool:
     """Whether an address is only reached from this machine."""
-    return host == "localhost" or (_is_address(host) and ipaddress.ip_address(host).is_loopback)
+    address = _address(host)
+    return host == "localhost" or (address is not None and address.is_loopback)
 
 
-def _is_address(name: str) -> bool:
+def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
     try:
-        ipaddress.ip_address(name.strip("[]"))
+        return ipaddress.ip_address(name)
     except ValueError:
-        return False
-    return True
-
-
-def _has_port(host: str) -> bool:
-    return ":" in host.rpartition("]")[2]
+        return None
 
 
 class Guard:
@@ -112,6 +110,7 @@ class Guard:
             await self.app(scope, receive, send)
             return
         if scope["type"] != "http":  # there are no web sockets here
+            await send({"type": "websocket.close", "code": 1008})
             return
         headers = {name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]}
         try:
@@ -119,28 +118,31 @@ class Guard:
         except ForbiddenError as error:
             await _reply(send, error.status, {"error": str(error)})
             return
-        most = self.most_bytes.get(scope["path"], MOST_JSON_BYTES)
+        most = self.most_bytes.get(scope["path"], MOST_JSON_BYTES) if scope["method"] in _UNSAFE else 0
         length = headers.get("content-length", "0")
-        if "transfer-encoding" in headers or not length.isdecimal() or int(length) > most:
+        is_short = length.isdecimal() and len(length) < _LONGEST_LENGTH and int(length) <= most
+        if "transfer-encoding" in headers or not is_short:
             await _reply(send, TooLargeError.status, {"error": too_large(most)})
             return
         cookie = None
         if token is not None and scope["path"] == "/":
             cookie = "; ".join([f"{COOKIE}={token}", "HttpOnly", "SameSite=Strict", "Path=/"])
-        await self.app(scope, receive, _with_headers(send, cookie))
+        await self.app(scope, PatientBody(receive), _with_headers(send, cookie))
 
     def _check(self, scope: Scope, headers: Mapping[str, str]) -> str | None:
-        """Raise `ForbiddenError` for a request that is refused. Returns the token of its address."""
+        """Raise `ForbiddenError` for a request that is refused. Returns the token, if its address has it."""
         host = headers.get("host", "")
         self.access.check_host(host)
         self.access.check_origin(headers.get("origin"), host)
+        if headers.get("upgrade", "").lower() == "websocket":
+            raise ForbiddenError("expected a request of HTTP, got one of a web socket, which has no use here")
         site = headers.get("sec-fetch-site", "none")
         if site not in ("same-origin", "none") and (scope["method"] in _UNSAFE or scope["path"] != "/"):
             raise ForbiddenError(f"expected a request of the studio's own page, got one from {site[:20]!r}")
         query: bytes = scope.get("query_string", b"")
         given = parse_qs(query.decode("latin-1")).get("token", [""])[0] or None
         self.access.check_token(given or _cookie(headers))
-        return given
+        return given if self.access.token else None
 
 
 def too_large(most: int) -> str:
@@ -150,11 +152,9 @@ def too_large(most: int) -> str:
 
 
 def _cookie(headers: Mapping[str, str]) -> str | None:
-    try:
-        found = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
-    except CookieError:
-        return None
-    return None if found is None else found.value
+    """The token in a cookie. Other programs on this machine may have set cookies of any form beside it."""
+    pairs = (one.strip().partition("=") for one in headers.get("cookie", "").split(";"))
+    return next((value for name, _, value in pairs if name == COOKIE), None)
 
 
 def _with_headers(send: Send, cookie: str | None) -> Send:

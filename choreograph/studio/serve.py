@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import threading
 import webbrowser
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import uvicorn
@@ -16,6 +18,7 @@ from choreograph.core.files import check_regular
 from choreograph.library.repertoire import Repertoire
 from choreograph.studio.app import make_app
 from choreograph.studio.jobs import Job
+from choreograph.studio.patience import PatientProtocol
 from choreograph.studio.project_file import ProjectFile
 from choreograph.studio.safety import Access
 from choreograph.studio.service import Service
@@ -36,12 +39,15 @@ def start(
         song = _song_of(project)
     folder = Path.cwd() if song is None else song.parent
     service = Service(folder, repertoire)
-    if character is not None:
-        service.character = read_character(character)
-    if song is not None:
-        check_regular(song, "a song")
-        service.desk.open(song, project)
-        service.change("song", lambda job: _load(service, job))
+    with ExitStack() as failed:
+        failed.callback(service.close)
+        if character is not None:
+            service.character = read_character(character)
+        if song is not None:
+            check_regular(song, "a song")
+            service.desk.open(song, project)
+            service.change("song", lambda job: _load(service, job))
+        failed.pop_all()
     return service
 
 
@@ -61,16 +67,23 @@ def serve(
     try:
         listening = _listening(host, port)
         access = Access.of(host, listening.getsockname()[1])
-        config = uvicorn.Config(
-            make_app(service, access), log_level="warning", access_log=False, server_header=False,
-            timeout_graceful_shutdown=_GRACE_S, lifespan="off", proxy_headers=False,
-        )  # fmt: skip
+        server = make_server(service, access)
         ready(access.address)
         if opened:
             threading.Timer(_BEFORE_BROWSER_S, webbrowser.open, [access.address]).start()
-        uvicorn.Server(config).run(sockets=[listening])
+        server.run(sockets=[listening])
     finally:
         service.close()
+
+
+def make_server(service: Service, access: Access) -> uvicorn.Server:
+    """The server of a studio, for those who have access."""
+    return uvicorn.Server(
+        uvicorn.Config(
+            make_app(service, access), http=PatientProtocol, ws="none", lifespan="off", log_level="warning",
+            access_log=False, server_header=False, proxy_headers=False, timeout_graceful_shutdown=_GRACE_S,
+        )
+    )  # fmt: skip
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -82,8 +95,9 @@ def _listening(host: str, port: int) -> socket.socket:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         made.bind(address)
         made.listen(128)
-    except socket.gaierror as error:
-        raise ParameterError(f"expected a host of this machine, got {host!r}: {error.strerror}") from error
+    except (socket.gaierror, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is no name of a machine"
+        raise ParameterError(f"expected a host of this machine, got {host[:80]!r}: {reason}") from error
     except OSError as error:
         raise ChoreographError(
             f"expected port {port} of {host} to be free, got {error.strerror}: choose another with --port"
@@ -108,4 +122,5 @@ def _song_of(project: Path) -> Path:
         file.close()
     if found is None or Path(found.song).name != found.song or not found.song:
         raise ParameterError(f"{project}: expected a project with a song in its folder, got none")
-    return project.parent / found.song
+    beside = project.parent / found.song
+    return beside if beside.exists() else Path(os.path.realpath(project)).parent / found.song

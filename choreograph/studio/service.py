@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import tempfile
 import threading
-from collections.abc import AsyncIterator, Callable
+import time
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
 from typing import Any, get_args
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.formations import FORMATIONS
+from choreograph.core.errors import ChoreographError
+from choreograph.core.files import locked_folder
 from choreograph.library.repertoire import Repertoire
 from choreograph.scene_plan import MOST_DANCERS
 from choreograph.studio.desk import Desk
@@ -28,6 +34,8 @@ from choreograph.view.sound import Levels, encode_mp4, song_part
 
 _LEVELS_PER_S = 50
 _BEAT_S = 15.0  # between signs of life of the stream of events
+_SCRATCH, _LOCK = "choreograph-studio-", "lock"  # names of temporary folders, and of the lock in each
+_BEGINS_S = 60.0  # in which a studio that has made its lock surely holds it
 
 
 class News:
@@ -63,6 +71,25 @@ class News:
                 self._listeners.remove(listener)
 
 
+@contextmanager
+def scratch_folder() -> Iterator[Path]:
+    """A temporary folder that is removed at the end. Those that killed studios left are removed first.
+
+    A running studio holds the lock in its folder.
+    """
+    for lock in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*/{_LOCK}"):
+        with suppress(ChoreographError, OSError):
+            if time.time() - lock.stat().st_mtime > _BEGINS_S:
+                with locked_folder(lock, doing="removes what a studio left"):
+                    rmtree(lock.parent, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(prefix=_SCRATCH))
+    try:
+        with locked_folder(folder / _LOCK, doing="is a studio"):
+            yield folder
+    finally:
+        rmtree(folder, ignore_errors=True)
+
+
 @dataclass(frozen=True)
 class Sound:
     """The song as pages play and draw it."""
@@ -79,10 +106,10 @@ class Service:
         self.desk = Desk(folder, repertoire)
         self.news = News()
         self.jobs = Jobs(
-            lambda job: self.news.tell({"job": job.facts | {"result": None, "log": job.log[-1:]}})
+            lambda job: self.news.tell({"job": job.facts | {"result": None, "log": job.log[-1:]}}), self.said
         )
-        self._scratch = TemporaryDirectory(prefix="choreograph-studio-")
-        self.scratch = Path(self._scratch.name)
+        self._open = ExitStack()
+        self.scratch = self._open.enter_context(scratch_folder())
         self._sound: tuple[Path, Sound] | None = None
         self._palette: tuple[Repertoire, Palette] | None = None
         self.character: GltfCharacter | None = None
@@ -93,7 +120,11 @@ class Service:
         """End all jobs, and release the project."""
         self.jobs.close()
         self.desk.close()
-        self._scratch.cleanup()
+        self._open.close()
+
+    def said(self, error: BaseException) -> str:
+        """What pages show of an error, which names files without the folder of the project."""
+        return str(error).replace(f"{self.desk.folder}{os.sep}", "")
 
     def change(self, kind: str, work: Callable[[Job], object]) -> Job:
         """Begin a job that changes the dance. Its result is the new revision."""

@@ -86,7 +86,7 @@ class StepScenes:
         `mesh` is the layout of the mannequin, and the function `make` makes the dances of free dancers.
         Raises `ParameterError` for a part of the song that the song does not have.
         """
-        key = step.number, step.text  # of a step that could not be saved, the number is used again
+        key = step.number, step.text, step.base  # of a step that could not be saved, the number is used again
         known = self._scenes.get(key)
         if known is not None:
             return known

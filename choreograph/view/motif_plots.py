@@ -147,18 +147,20 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     except OSError as error:
         raise ParameterError(f"cannot create the folder {folder}: {error.strerror}") from error
     names = [take.name for take in repertoire.takes]
-    genres = vocabulary.genres[:-1] or (ALL_GENRES,)
     take_genres = [take.credits.genre for take in repertoire.takes]
-    dances = {genre: dances_of(vocabulary, take_genres, genre) for genre in genres}
+    dances = {genre: dances_of(vocabulary, take_genres, genre) for genre in vocabulary.genres}
+    # A genre of the vocabulary need not have takes, and all genres together are shown where no other is.
+    one_genre = {genre: takes for genre, takes in dances.items() if takes and genre != ALL_GENRES}
+    dances = one_genre or {ALL_GENRES: dances[ALL_GENRES]}
     motifs = range(min(STRIPS, vocabulary.n_motifs))
-    usual = [f"{kind}-{_file_name(genre)}.png" for genre in genres for kind in ("signature", "transitions")]
+    usual = [f"{kind}-{_file_name(genre)}.png" for genre in dances for kind in ("signature", "transitions")]
     usual += ["distance-over-time.png", *(f"motif-{motif:03d}.png" for motif in motifs)]
     written = free_names((folder / name for name in usual), _is_of_another_program)
     if written[0].name != usual[0]:
         _LOG.warning("%s has other files of these names: the first plot is %s", folder, written[0].name)
     paths = iter(written)
-    for genre in genres:
-        _save(signature_figure(vocabulary, genre, dances[genre], names), next(paths))
+    for genre, takes in dances.items():
+        _save(signature_figure(vocabulary, genre, takes, names), next(paths))
         _save(transitions_figure(vocabulary, genre), next(paths))
     _save(distance_figure(vocabulary, dances), next(paths))
     for motif, path in zip(motifs, paths, strict=True):

@@ -89,6 +89,89 @@ def test_every_map_puts_counts_on_beats_within_its_clip_and_slopes(
         assert off_s[inside].max() < 1e-3
 
 
+def begin_by_definition(second: int, clip: int, clips: CountedClips) -> float | None:
+    """The frame of a clip at which its 4 s begin: each shift is tried, and the earlier one of two as good."""
+    song, grid, take = clips.song, clips.takes, clips.take[[clip]]
+    ends = song.index_at(second + np.array([0.0, SEGMENT_S]))
+    middle = grid.index_at(take, clips.start_s[[clip]] + 2.0)[0]
+    nearest, beats = round(middle - ends[0]), np.arange(np.ceil(ends[0] - 1e-9), np.ceil(ends[1] - 1e-9))
+    best, least = None, np.inf
+    for shift in range(nearest - 8, nearest + 9):
+        danced_s = grid.count_s(take, ends[None] + shift)[0] - clips.start_s[clip]
+        known = grid.n_counts[take[0]] - 2 * 64  # counts, of which four more may be danced at either end
+        if danced_s[0] < 0 or danced_s[1] > (CLIP_FRAMES - 1) / NET_FPS:
+            continue
+        if ends[0] + shift < 64 - 4 or ends[1] + shift > 64 + known - 1 + 4:
+            continue
+        rows = beats.astype(int)
+        numbers = grid.numbers[grid.start[take[0]] + rows + shift]
+        off = (numbers != song.numbers[rows]) & (numbers > 0) & (song.numbers[rows] > 0)
+        cost = 100.0 * off.mean() + abs(shift + ends[0] - middle)
+        if cost < least:
+            best, least = float(danced_s[0] * NET_FPS), cost
+    return best
+
+
+@pytest.mark.parametrize("second", [0, 6, 13])
+@pytest.mark.parametrize(
+    ("song_s", "take_s", "metres"),
+    [
+        (0.5, 0.47, (4, 4)),
+        (0.5, 0.6, (4, 3)),
+        (0.9, 0.95, (4, 4)),  # bars of 3.8 s: the nearest one may begin before the clip, or end after it
+        (1.0, 1.1, (4, 4)),
+        (0.8, 0.83, (6, 6)),
+        (0.55, 0.5, (4, 0)),
+        (0.4, 0.3, (12, 12)),  # half a bar, six counts, fits beside the middle of a clip
+    ],
+)
+def test_a_clip_gets_the_best_shift_within_it(song_s, take_s, metres, second):
+    song = counted(song_s, first_s=0.13, first=2, metre=metres[0], length_s=27.0)
+    take = counted(take_s, first_s=0.37, metre=metres[1], length_s=28.0)
+    clips = laid(song, [counted(1.2 * song_s), take])
+    maps = maps_at(second, clips)
+    found = dict(zip(maps.candidates.tolist(), maps.time_maps[:, 0].tolist(), strict=True))
+    wanted = {clip: begin_by_definition(second, clip, clips) for clip in range(len(clips.take))}
+    assert found == pytest.approx({clip: begin for clip, begin in wanted.items() if begin is not None})
+    assert len(found) > 30
+
+
+@pytest.mark.parametrize("later", [-2.0, 1.0, 3.0])
+def test_a_second_that_begins_later_in_the_bar_has_clips_from_later_counts_on(later):
+    song, take = counted(0.5, metre=0, length_s=26.0), counted(0.5, first_s=0.1, metre=0)
+    starts = np.arange(0, 30 * NET_FPS - CLIP_FRAMES + 1, NET_FPS)
+    grids = TakeGrids([take], [()]), SongGrid.of(song, SONG_S), np.arange(N_SECONDS + 5.0)
+    of_clips = np.zeros(len(starts), int), starts
+    later_counts = np.zeros(N_SECONDS)
+    later_counts[6] = later
+    usual, changed = CountedClips.of(*of_clips, *grids), CountedClips.of(*of_clips, *grids, later_counts)
+    begins = {clips: maps_at(6, clips).time_maps[:, 0] for clips in (usual, changed)}
+    assert begins[changed] - begins[usual] == pytest.approx(0.5 * later * NET_FPS)
+    assert np.array_equal(maps_at(5, changed).time_maps, maps_at(5, usual).time_maps)
+
+
+def test_a_pause_of_a_take_is_not_danced_at_more_than_double_speed():
+    """One count of 1.2 s among those of 0.5 s, in which the take is still within its clip."""
+    times_s = np.cumsum(np.where(np.arange(55) == 30, 1.2, 0.5))
+    take = make_counts(times_s, numbers_in_bar(55, 4), 4)
+    maps = maps_at(6, clips := laid(counted(0.5, length_s=26.0), [take]))
+    source_s = clips.start_s[maps.candidates, None] + maps.time_maps[:, [0, -1]] / NET_FPS
+    assert len(source_s) > 10
+    assert not ((source_s[:, 0] < times_s[30] - 0.1) & (source_s[:, 1] > times_s[29] + 0.1)).any()
+
+
+@pytest.mark.parametrize("late_s", [-0.04, 0.04])
+def test_no_accent_is_moved_beyond_its_clip(late_s):
+    take = counted(0.95, first_s=0.4)
+    starts = np.arange(0, 30 * NET_FPS - CLIP_FRAMES + 1, NET_FPS)
+    grids = TakeGrids([take], [()], [take.times_s + late_s])
+    for first_s in np.arange(0.0, 0.9, 0.02):
+        song = SongGrid.of(counted(0.9, first_s=first_s, length_s=26.0), SONG_S)
+        clips = CountedClips.of(np.zeros(len(starts), int), starts, grids, song, np.arange(N_SECONDS + 5.0))
+        maps = maps_at(6, clips).time_maps
+        assert maps.min() >= 0.0 and maps.max() <= CLIP_FRAMES - 1
+
+
 @pytest.mark.parametrize("period_s", [0.2, 1.1])
 def test_takes_too_far_from_the_songs_tempo_get_no_map(period_s):
     maps = maps_at(5, laid(counted(0.5, length_s=26.0), [counted(period_s)]))
@@ -180,9 +263,17 @@ def test_penalties_of_a_map_are_those_at_the_joins():
         assert (maps.phrase_penalty == (0.0 if free else 1.0)).all()
 
 
-def test_accents_are_landed_on_beats_and_the_time_map_has_no_corners():
+def test_penalties_of_a_map_are_those_of_its_seconds():
+    """Joins on every second: bars begin on every other one."""
+    clips = laid(counted(0.5, length_s=26.0), [counted(0.5)])
+    for second, wanted in ((4, [0.0, 1.0, 0.0, 1.0, 0.0]), (5, [1.0, 0.0, 1.0, 0.0, 1.0])):
+        assert np.unique(maps_at(second, clips).phrase_penalty, axis=0).tolist() == [wanted]
+
+
+@pytest.mark.parametrize("away_s", [0.04, -0.04])
+def test_accents_are_landed_on_beats_and_the_time_map_has_no_corners(away_s):
     take, song = counted(0.5), counted(0.55)
-    late_s = take.times_s + np.where(np.arange(len(take)) % 2, 0.04, 0.0)
+    late_s = take.times_s + np.where(np.arange(len(take)) % 2, away_s, 0.0)
     starts = np.arange(0, 30 * NET_FPS - CLIP_FRAMES + 1, NET_FPS)
     grids = TakeGrids([take], [()], [late_s[:-1]])
     clips = CountedClips.of(

@@ -87,12 +87,20 @@ class Recorder(cg.Cost):
         return np.linalg.norm(layer.travel_m([1.0])[:, 0], axis=1)
 
 
+class Restless(Recorder):
+    """As `Recorder`, but prefers the dancer to go."""
+
+    name = "recorder"
+
+    def node(self, layer, song_features):
+        return -super().node(layer, song_features)
+
+
 def test_a_dance_with_a_cost_of_travel_and_sections(repertoire, tmp_path):
     song, cost = cg.load_song(write_clicks(tmp_path / "clicks.wav", duration_s=4.0)), Recorder()
-    weights = {"recorder": 1000.0}
-    stays = cg.dance(song, repertoire, candidates=8, costs=[cost], weights=weights, hold_ends=False)
-    moves = cg.dance(
-        song, repertoire, candidates=8, costs=[cost], weights={"recorder": -1000.0}, hold_ends=False
+    stays, moves = (
+        cg.dance(song, repertoire, candidates=8, costs=[one], weights={"recorder": 1000.0}, hold_ends=False)
+        for one in (cost, Restless())
     )
     assert set(cost.names) == {0, 1, 2, 3} and set(cost.names.values()) <= {"", "A"}
     stays_m, moves_m = (sum(s.costs["recorder"] for s in d.plan.seconds) / w
@@ -101,10 +109,13 @@ def test_a_dance_with_a_cost_of_travel_and_sections(repertoire, tmp_path):
 
 
 class Travel(cg.Cost):
-    """How far the dancer goes."""
+    """How far the dancer goes, or with the sign -1, how far it does not go."""
+
+    def __init__(self, sign=1.0):
+        self.sign = sign
 
     def node(self, layer, song_features):
-        return np.linalg.norm(layer.travel_m([1.0])[:, 0], axis=1)
+        return self.sign * np.linalg.norm(layer.travel_m([1.0])[:, 0], axis=1)
 
 
 class OfPath(Travel):
@@ -146,14 +157,14 @@ def house():
     return cg.load_song(cg.example_songs()["house"]).part(0.0, 16.0)
 
 
-@pytest.mark.parametrize("weight", [200.0, -200.0])
-def test_the_mixer_takes_costs_of_words(starter, house, weight):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_mixer_takes_costs_of_words(starter, house, sign):
     made = [
-        cg.dance(house, starter, engine="mixer", seed=2, costs=[Travel()], weights={"travel": of})
-        for of in (0.0, weight)
+        cg.dance(house, starter, engine="mixer", seed=2, costs=[Travel(sign)], weights={"travel": weight})
+        for weight in (0.0, 200.0)
     ]
     plain_m, with_cost_m = (travel_m(dance, starter) for dance in made)
-    assert (with_cost_m - plain_m) * weight < 0
+    assert (with_cost_m - plain_m) * sign < 0
 
 
 def test_a_cost_that_is_zero_changes_no_byte(starter, house):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from choreograph.choreography.schedule import parse_schedule, spans_of, value_at
+from choreograph.choreography.schedule import parse_schedule, spans_of, values_at
 from choreograph.core.errors import ParameterError
 from choreograph.music.places import Places
 
@@ -22,9 +22,19 @@ def test_a_value_without_a_part_is_for_the_rest():
     assert [(entry.when, entry.value) for entry in schedule] == [
         ("", "circle"), ("chorus", "v"), ("bar 9", "places.json"),
     ]  # fmt: skip
-    assert [value_at(schedule, t, PLACES, 40.0) for t in (0.0, 8.0, 15.9, 16.0, 30.0)] == [
+    starts_s = (0.0, 8.0, 15.9, 16.0, 30.0)
+    assert values_at("formation", schedule, starts_s, PLACES, 40.0) == [
         "circle", "v", "v", "places.json", "places.json",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("given", [("10-12=v", "8-16=line"), ("v", "0.5-1.5=line")])
+def test_a_value_that_would_hold_nowhere_is_refused(given):
+    schedule, starts_s = parse_schedule("formation", given, "circle"), (0.0, 8.0, 10.0, 12.0, 16.0)
+    with pytest.raises(ParameterError, match=r"a part of the song for the formation at (10-12|0\.5)"):
+        values_at("formation", schedule, starts_s, PLACES, 40.0)
+    shadowed = parse_schedule("formation", ("8-16=v", "10-12=line"), "circle")
+    assert values_at("formation", shadowed, starts_s, PLACES, 40.0) == ["circle", "v", "line", "v", "circle"]
 
 
 @pytest.mark.parametrize("given", [("",), ("=v",), ("chorus=",), ("v", "line"), ("chorus=v", "chorus=line")])

@@ -8,11 +8,18 @@ import numpy as np
 import pytest
 
 from choreograph.choreography.graph import warped_segments as module
+from choreograph.choreography.graph.warp_kernels import segment_beats
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
-from choreograph.choreography.graph.warping import NO_TIME_MAP, CountedClips, subsequence_dtw
+from choreograph.choreography.graph.warping import (
+    NO_TIME_MAP,
+    CountedClips,
+    subsequence_dtw,
+    warp_by_density,
+)
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.numerics import Memory
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.motion.motion_beats import MIN_PROMINENCE
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.song_features import bumps, music_density
 
@@ -93,6 +100,49 @@ def test_first_and_last_beats_are_frames_of_their_quarter(segments):
     assert np.array_equal(np.isnan(segments.first_beat), np.isnan(segments.last_beat))
     both = ~np.isnan(segments.first_beat)
     assert (segments.first_beat[both] <= segments.last_beat[both]).all()
+
+
+def test_a_beat_counts_in_full_from_250_ms_on_and_not_at_all_up_to_50_ms():
+    rests = [10.0, 30.0, 50.0, 66.0]
+    frames = np.arange(160.0)
+    speeds = 1.0 - np.exp(-(((frames[:, None] - rests) / 2.0) ** 2)).sum(axis=1)
+    beats = np.array([-1.0, 0.0, 10.9, 33.0, 58.0, 66.0, 78.0, 80.0])  # the last one is of the next second
+    unmatched, first, last = segment_beats(
+        np.arange(81.0)[None], speeds[None].astype(np.float32), beats, 1.0, 5.0, MIN_PROMINENCE
+    )
+    # 0 has no partner. 33 and its partner are 3 frames apart, and 58 and 50 are 8. 78 has none.
+    np.testing.assert_allclose(unmatched, [[1 / 3, 0.5, 1.0, 1 / 3]], atol=1e-3)
+    np.testing.assert_allclose(first, [[10.0, 10.0, 10.0, 6.0]], atol=1e-3)
+    np.testing.assert_array_equal(first, last)
+
+
+def test_a_clip_at_a_steady_speed_has_a_beat_where_it_is_played_slowly():
+    slopes = 1.0 - 0.5 * np.exp(-(((np.arange(80) - 44.5) / 3.0) ** 2))
+    time_map = np.concatenate([[0.0], np.cumsum(slopes)])
+    _, first, last = segment_beats(
+        time_map[None], np.ones((1, 160), np.float32), np.zeros(0), 1.0, 5.0, MIN_PROMINENCE
+    )
+    np.testing.assert_allclose(first, [[np.nan, np.nan, 5.0, np.nan]], atol=0.01)
+    np.testing.assert_array_equal(first, last)
+
+
+@pytest.mark.parametrize("smoothed", [True, False])
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_clip_at_double_speed_ends_within_its_frames(first, smoothed):
+    """Its densities are those of the music at every other frame, up to the last but one or the last frame."""
+    query = np.random.default_rng(0).normal(size=80).cumsum().astype(np.float32)
+    target = np.interp(np.arange(160), np.arange(first, 160, 2), query).astype(np.float32)
+    maps, _ = warp_by_density(
+        query, target[None], np.zeros(0), np.zeros(0), np.zeros((1, 2), np.int64), as_recorded=False,
+        smoothed=smoothed,
+    )  # fmt: skip
+    assert maps.shape == (1, 81) and maps.max() <= 159.0
+    assert np.diff(maps).min() >= MIN_SLOPE - 1e-9 and np.median(np.diff(maps)) > 1.9
+
+
+def test_clips_as_recorded_are_their_middle_4_s():
+    recorded = warped(as_recorded=True)
+    assert (recorded.time_maps == np.arange(40.0, 121.0)).all()
 
 
 def test_a_song_without_beats_gives_finite_time_maps():

@@ -304,7 +304,7 @@ def test_counts_are_shown_written_and_imported_again(tmp_path):
     assert (tmp_path / "out.csv").read_text() == (folder / "a.counts.csv").read_text()
     assert_one_line(run("inspect", built.path, "--counts", "b", "-o", tmp_path / "b.csv"), says="not counted")
     assert_one_line(run("inspect", built.path, "--counts", "c", "-o", tmp_path / "b.csv"), says="'c'")
-    assert_one_line(run("inspect", built.path, "--counts", "a"), says="together with -o")
+    assert_one_line(run("inspect", built.path, "--counts", "a"), says="expected --output beside --counts")
     assert not (tmp_path / "b.csv").exists()
 
 

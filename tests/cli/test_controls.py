@@ -130,7 +130,7 @@ def test_a_setting_that_the_engine_does_not_use_is_refused(here, options, says):
 )
 def test_a_setting_that_the_plan_decides_is_refused(here, options):
     result = run("dance", "song.wav", "--db", "rep.h5", "-o", "x.bvh", "--plan", "none.json", *options)
-    assert_one_line(result, says=f"leave out {options[0]}")
+    assert_one_line(result, says=f"expected no {options[0]} beside --plan, which decides what")
 
 
 def test_a_signature_needs_a_file_and_a_name(here):

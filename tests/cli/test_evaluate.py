@@ -57,7 +57,7 @@ def test_beats_may_be_given(tmp_path, bvh, song):
     [
         ([], "--songs DIR"),
         (["{bvh}"], "SONG"),
-        (["{bvh}", "{song}", "--songs", "{songs}"], "--songs DIR"),
+        (["{bvh}", "{song}", "--songs", "{songs}"], "--songs"),
         (["{bvh}", "{song}", "--variants", "engines"], "--variants"),
         (["{bvh}", "{song}", "--judge", "{db}"], "--judge"),
         (["{bvh}", "{song}", "--beats", "ear"], "ear"),

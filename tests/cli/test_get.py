@@ -107,7 +107,7 @@ def test_a_set_behind_a_form_says_what_to_put_where(tmp_path, host):
 
 def test_what_is_wrong_is_one_line(tmp_path, host):
     assert_one_line(run("get", "edge"), says="among aist++")
-    assert_one_line(run("get", "--agree"), says="expected a data set beside --agree")
+    assert_one_line(run("get", "--agree"), says="expected no --agree without NAME")
     assert_one_line(run("get", "mine", "--table", "no.toml"), says="no.toml")
     host.status = 503
     assert_one_line(run("get", "mine", "--table", "sets.toml", "--agree", "-q"), says="got 503")

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import click
 import pytest
-from command_line import assert_one_line, run
+from command_line import all_commands, assert_one_line, run
 
-from choreograph.cli.main import main
-from choreograph.pipeline.saving import output_formats
+from choreograph.formats import output_formats
 
 # What each option of files needs beside it, and the formats that it acts on.
 FILE_OPTIONS = {
@@ -22,24 +21,11 @@ FILE_OPTIONS = {
 }
 
 
-def commands() -> dict[str, click.Command]:
-    """Every command by the words that run it."""
-    found = {}
-    context = click.Context(main)
-    for name in main.list_commands(context):
-        command = main.get_command(context, name)
-        if isinstance(command, click.Group):
-            found |= {f"{name} {sub}": one for sub, one in command.commands.items()}
-        else:
-            found[name] = command
-    return found
-
-
 def once_only() -> list[tuple[str, str]]:
     """Every option of every command that is not to be repeated: (command, flag)."""
     return [
         (name, max(option.opts, key=len))
-        for name, command in commands().items()
+        for name, command in all_commands().items()
         for option in command.params
         if isinstance(option, click.Option) and option.name != "help" and option.opts and not option.multiple
     ]
@@ -48,12 +34,14 @@ def once_only() -> list[tuple[str, str]]:
 @pytest.mark.parametrize(("command", "flag"), once_only())
 def test_an_option_given_twice_is_refused(tmp_path, monkeypatch, command, flag):
     monkeypatch.chdir(tmp_path)
-    option = next(o for o in commands()[command].params if flag in o.opts)
+    option = next(o for o in all_commands()[command].params if flag in o.opts)
     choices = getattr(option.type, "choices", ("1",))
     twice = [flag] * 2 if option.is_flag else [flag, choices[0], flag, choices[-1]]
     if option.secondary_opts:
         twice = [flag, option.secondary_opts[0]]
-    arguments = ["x"] * sum(isinstance(p, click.Argument) and p.required for p in commands()[command].params)
+    arguments = ["x"] * sum(
+        isinstance(p, click.Argument) and p.required for p in all_commands()[command].params
+    )
     assert_one_line(run(*command.split(), *arguments, *twice), says=f"expected {flag} once, got it 2 times")
     assert not list(tmp_path.iterdir())
 
@@ -61,7 +49,7 @@ def test_an_option_given_twice_is_refused(tmp_path, monkeypatch, command, flag):
 def test_the_options_to_repeat_are_few():
     repeated = {
         (name, max(option.opts, key=len))
-        for name, command in commands().items()
+        for name, command in all_commands().items()
         for option in command.params
         if isinstance(option, click.Option) and option.multiple
     }
@@ -117,8 +105,8 @@ def test_all_that_is_said_of_files_is_one_note(notes_of):
     )
     assert result.exit_code == 0, result.output
     assert notes == [
-        "--loop has no effect on .mp4 and .json; --click has no effect on .bvh, .glb and .json; "
-        "--camera has no effect on .bvh and .json"
+        "--camera has no effect on .bvh and .json; --loop has no effect on .mp4 and .json; --click has no "
+        "effect on .bvh, .glb and .json"
     ]
     assert notes_of("-oa.bvh", "-oa.mp4", "--camera", "cuts")[1] == ["--camera has no effect on .bvh"]
 
@@ -145,19 +133,36 @@ def test_an_option_that_was_moved_says_what_to_write(tmp_path, monkeypatch, opti
 def test_options_that_another_makes_useless_are_refused(tmp_path, monkeypatch, db):
     monkeypatch.chdir(tmp_path)
     for arguments, says in (
-        (("songs", "--path", "house", "--copy", "x"), "expected --path alone, got --copy, --path"),
-        (("songs", "--path", "house", "--json"), "expected --path alone"),
-        (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "expected --counts together with"),
+        (("songs", "--path", "house", "--copy", "x"), "expected no --copy beside --path: leave it out"),
+        (("songs", "--path", "house", "--json"), "expected no --json beside --path"),
+        (("inspect", db, "--counts", "take0", "-o", "x.csv", "--json"), "expected no --json beside --counts"),
+        (("inspect", db, "--counts", "take0"), "expected --output beside --counts, got none"),
         (("inspect", db, "--signature", "a", "-o", "x.json", "--plots", "x"), "got --plots and --signature"),
         (("inspect", db, "--lint", "--notes"), "got --notes and --lint"),
         (("inspect", db, "--lint", "--check"), "got --check and --lint"),
-        (("build-db", "--add", "x", db, "--preset", "tiny"), "expected no --preset beside --add"),
+        (("inspect", db, "--take", "x"), "expected no --take without --notes"),
+        (
+            ("build-db", "--add", "x", db, "--preset", "tiny"),
+            "expected no --preset beside --add, ",
+        ),
         (("build-db", "--remove", "x", db, "--set", "seed=1"), "expected no --set beside --add"),
-        (("build-db", "--remove", "x", db, db), "expected one repertoire to change, got 2"),
-        (("inspect", db, "--lint", "-o", "x.png"), "expected -o together with one of --signature"),
+        (("build-db", "--remove", "x", db, "--check"), "got --check and --remove"),
+        (("build-db", "--remove", "x", db, "x.h5"), "expected one repertoire to change, got 2"),
+        (("inspect", db, "--lint", "-o", "x.png"), "expected no --output beside --lint"),
         (("inspect", db, "--coverage", "x.wav", "-o", "x.svg"), "expected a .png for --coverage"),
-        (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected --songs beside --seeds, got a DANCE"),
-        (("evaluate", "x.bvh", "x.wav", "--seen", "--only", "x"), "beside --only, --seen, got a DANCE"),
+        (("evaluate", "x.bvh", "x.wav", "--seeds", "5"), "expected no --seeds beside DANCE... SONG"),
+        (("evaluate", "x.bvh", "x.wav", "--songs", "x"), "expected one of DANCE... SONG, --songs, got"),
+        (("evaluate", "--songs", "x", "--page", "x.html"), "expected no --page beside --songs"),
+        (("dance", "x.wav", "--existing", "x.json"), "expected --keep, --swap, --vary, --repeat, --pin or"),
+        (("dance", "x.wav", "--swap", "1-2"), "expected --existing beside --swap, got none"),
+        (("dance", "x.wav", "--keep", "1-2"), "expected --existing beside --keep, got none"),
+        (("dance", "x.wav", "--map", "x.json"), "expected --character beside --map, got none"),
+        (("dance", "x.wav", "--existing", "x.json", "--swap", "1-2", "--keep", "3-4"), "expected no --keep"),
+        (("live", "--input", "-", "--dance", "x.bvh"), "expected one of --input, --dance, got"),
+        (("live", "x.wav", "--input", "-"), "expected no SONG beside --input"),
+        (("live", "x.wav", "--dance", "x.bvh", "--seed", "3"), "expected no --seed beside --dance"),
+        (("get", "--agree"), "expected no --agree without NAME"),
+        (("settings", "--toml", "--build"), "expected one of --build, --toml"),
         (("build-db", "x", "-o", "x.h5", "--set", "rollout_teacher=false"), "expected --rollout beside"),
         (
             ("build-db", "x", "-o", "x.h5", "--published", "--set", "augment_mirror=true"),

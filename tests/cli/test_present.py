@@ -1,4 +1,4 @@
-"""Printed lines: no control characters, at most 300 characters, whatever files and takes are called."""
+"""Printed lines: no control characters, not too long, and with the reason, whatever files are called."""
 
 from __future__ import annotations
 
@@ -29,11 +29,27 @@ def test_control_characters_become_escapes_and_letters_stay():
     assert printable("\udc9b31m") == "\\udc9b31m"  # a byte that some terminals obey
 
 
-@pytest.mark.parametrize("n", [0, MAX_LINE, MAX_LINE + 1, 5000, 10**7])
-def test_of_a_long_line_the_ends_are_printed(n):
-    line = line_of("first " + "x" * n + "\n" * (n > MAX_LINE) + " last")
+@pytest.mark.parametrize("word", ["x", "long "])
+@pytest.mark.parametrize("n", [0, MAX_LINE, 10**7])
+def test_of_a_long_line_the_ends_are_printed(word, n):
+    line = line_of("first " + word * n + "\n" * (n > 0) + " last")
     assert len(line) <= MAX_LINE and line.startswith("first ") and line.endswith(" last")
-    assert ("left out" in line) == (n + 11 > MAX_LINE)
+    assert ("left out" in line) == (n > 0)
+
+
+def test_a_long_path_or_value_does_not_hide_the_reason():
+    path, reason = (
+        "/" + "a" * 3000 + ".bvh",
+        "expected takes, got nothing: " + "there is a reason for it. " * 30,
+    )
+    line = line_of(f"{path}: {reason}, got {path!r} and {path}: the end")
+    assert reason in line and line.count("left out") == 3 and line.endswith(".bvh: the end")
+    usual = "/".join(["a_usual_name"] * 30)
+    assert line_of(f"{usual}: {reason}") == f"{usual}: {reason}"
+
+
+def test_text_that_no_encoding_has_is_escaped():
+    assert line_of("a\ud800\udfffb").encode() == b"a\\ud800\\udfffb"
 
 
 def test_notes_are_lines(capfd):

@@ -46,7 +46,11 @@ def test_files_of_others_are_kept_unless_forced(asked):
         (("--relation", "canon:x"), "expected a relation among"),
         (("--genre", "a", "--genre", "b"), "expected one genre unless dancers are free"),
         (("-o", "a.xyz"), "expected a format among"),
-        (("--camera", "cuts", "-o", "a.bvh"), "expected .html, .mp4, .glb or .usda for --camera"),
+        (("--camera", "cuts", "-o", "a.bvh"), "expected .html, .mp4, .glb, .usda or .usdc for"),
+        (
+            ("--genre", "a", "--genre", "b", "--genre", "c", "--relation", "free"),
+            "expected a genre for each of 2",
+        ),
         (("--character", "gone.glb", "-o", "a.bvh"), "expected .glb or .fbx for --character"),
         (("-o", "a.bvh", "-o", "a-1.bvh", "-o", "./a.bvh"), "expected a file of its own"),
     ],
@@ -60,5 +64,8 @@ def test_other_options_are_refused(asked, options, says):
 def test_a_plan_decides_the_rest(asked, db):
     Path("a.json").write_text("{}")
     assert_one_line(run("scene", "--plan", "a.json", "--db", db), says="expected a choreograph-scene")
-    assert_one_line(run("scene", "--plan", "a.json", "--seed", "3"), says="leave out --seed")
+    assert_one_line(
+        run("scene", "--plan", "a.json", "--seed", "3"),
+        says="expected no --seed beside --plan, which decides what is",
+    )
     assert_one_line(run("scene"), says="expected a SONG, or --plan FILE")

@@ -58,6 +58,27 @@ def test_files_of_living_writers_and_of_other_names_stay(tmp_path):
     assert names(tmp_path) == sorted([*others, "a.json"])
 
 
+def test_leftovers_of_other_files_go_as_well_and_again_in_a_long_process(tmp_path):
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", _KILLED_WHILE_WRITING, str(tmp_path / "a.json")], check=False)
+        assert len(names(tmp_path)) == 1
+        for _ in range(2):  # the folder is listed again after as many writes as it had files
+            with atomic_path(tmp_path / "b.txt") as temporary:
+                temporary.write_text("new")
+        assert names(tmp_path) == ["b.txt"]
+        (tmp_path / "b.txt").unlink()
+
+
+def test_the_time_of_a_write_does_not_grow_with_the_folder(tmp_path, monkeypatch):
+    listed, listdir = [], os.listdir
+    monkeypatch.setattr(os, "listdir", lambda folder: listed.extend(found := listdir(folder)) or found)
+    for index in range(300):
+        with atomic_path(tmp_path / f"{index}.txt") as temporary:
+            temporary.touch()
+    assert len(listed) < 3 * 300  # instead of 300 * 300 / 2
+    assert len(names(tmp_path)) == 300
+
+
 def test_an_os_error_names_the_target(tmp_path):
     target = tmp_path / "a.json"
     with pytest.raises(ChoreographError, match=r"cannot write .*a\.json: No space"), atomic_path(target):

@@ -86,12 +86,37 @@ def test_a_damaged_result_is_made_again(folder, made, caplog):
     assert calls == [1.0, 1.0] and found.times_s[0] == 1.0 and "damaged" in caplog.text
 
 
-def test_code_and_foreign_classes_are_refused(tmp_path):
+def test_code_and_foreign_classes_are_made_again(tmp_path, caplog):
     results = KeptResults(tmp_path, 1 << 20)
     for key, wrong in zip(KEYS, (os.system, Foreign(1), kept.KeptEntries, partial(print, 1)), strict=False):
         results.write(key, wrong)
-        with pytest.raises(pickle.UnpicklingError, match="which is not data"):
-            results.read(key)
+        caplog.clear()
+        assert results.read(key) is None and "may run code" in caplog.text
+
+
+def test_values_come_back_as_they_were(tmp_path):
+    results = KeptResults(tmp_path, 1 << 20)
+    value = (Path("a") / "b", [counts_at(1.0)], {"n": np.float64(2.0)}, np.zeros((2, 3)).T, np.array([]))
+    results.write(KEYS[0], value)
+    read = results.read(KEYS[0])
+    assert kept.digest(read) == kept.digest(value) and isinstance(read[0], Path)
+    assert read[3].flags.f_contiguous and read[3].flags.writeable
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"times_s": None},  # left out
+        {"__class__": "another"},
+        {"within": True},  # hides a method
+    ],
+)
+def test_a_dataclass_takes_its_fields_alone(tmp_path, changed, caplog):
+    state = {key: value for key, value in (vars(counts_at(1.0)) | changed).items() if value is not None}
+    entries = KeptEntries(tmp_path, 1 << 20, ".result")
+    entries.write(KEYS[0], b"cchoreograph.core.counts\nCounts\n)\x81" + pickle.dumps(state, 2)[2:-1] + b"b.")
+    assert KeptResults(tmp_path, 1 << 20).read(KEYS[0]) is None
+    assert "the fields of another Counts" in caplog.text
 
 
 def test_the_oldest_entries_are_removed_unless_they_were_used_here(tmp_path):

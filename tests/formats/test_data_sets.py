@@ -68,6 +68,46 @@ def test_a_table_of_ones_own(tmp_path):
         (MINE + FILE.replace('into = "takes"', 'into = "../takes"'), "inside"),
         (MINE.replace('"takes"', '"/takes"') + FILE, "inside"),
         (MINE + "files = 3", "[[mine.files]]"),
+        ("", "got none"),
+        (MINE + FILE.replace("10", "9" * 5000), "in TOML"),
+        ("a = " + "[" * 100_000, "in TOML"),
+        (MINE + FILE + FILE, "one name twice"),
+        (MINE + FILE.replace('["*.bvh"]', "[]"), "expected keep"),
+        *(
+            (MINE + FILE.replace("/a.zip", end), "address of a file")
+            for end in (
+                "/..",
+                "/a/..",
+                "/..?x=1",
+                r"/a\u0000b",
+                r"/a\nb.zip",
+                "/a:b.zip",
+                "/.hidden",
+                f"/{'n' * 300}",
+                r"/a\\..\\b",
+                ":99999/a.zip",
+                ":x/a.zip",
+            )
+        ),
+        *((MINE + FILE.replace("example.org", host), "address of a file") for host in ("", "[bad", ":80")),
+        *(
+            ((MINE + FILE).replace("mine", name), "name")
+            for name in (
+                '".."',
+                '"."',
+                '"../x"',
+                '"/tmp/x"',
+                '""',
+                r'"a\u0000"',
+                r'"a\\b"',
+                '"c:"',
+                f'"{"n" * 300}"',
+            )
+        ),
+        *((MINE.replace("takes/*.bvh", glob) + FILE, "glob") for glob in ("", ".", "**x", "a/***")),
+        (MINE.replace("takes/*.bvh", r"takes/*\u0000") + FILE, "inside"),
+        (MINE.replace('"takes"', r'"a\u0000"') + FILE, "inside"),
+        (MINE.replace('"takes"', f'"{"a" * 5000}"') + FILE, "inside"),
     ],
 )
 def test_a_damaged_table_is_refused_in_one_line(tmp_path, text, says):

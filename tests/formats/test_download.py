@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import stat
 import zipfile
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -144,14 +145,64 @@ def test_a_longer_file_than_stated_is_not_downloaded(tmp_path, host):
     assert not list((tmp_path / "downloads").glob("set.zip*"))
 
 
+@pytest.mark.parametrize("record", [b"", b" \n", b"abc", b"\xff\xfe", b"g" * 64, b"0" * 63, b"0" * 65])
+def test_a_record_without_a_sum_is_refused(tmp_path, host, record):
+    (tmp_path / "downloads").mkdir()
+    (tmp_path / "downloads" / "set.zip.sha256").write_bytes(record)
+    with pytest.raises(FormatError, match=r"set\.zip\.sha256: expected") as raised:
+        fetch(set_of(host, sum=""), tmp_path)
+    assert "\n" not in str(raised.value) and host.asked == []
+
+
+@pytest.mark.parametrize("length", ["", "abc", "1e3", "9" * 5000])
+def test_an_answer_that_is_not_of_http_is_no_wrong_sum(tmp_path, host, length):
+    host.length = length
+    with pytest.raises(ChoreographError, match="an address or an answer that is not of HTTP"):
+        fetch(set_of(host), tmp_path)
+
+
+def test_an_address_that_no_host_can_have_is_no_wrong_sum(tmp_path, host):
+    with pytest.raises(ChoreographError, match="an address or an answer that is not of HTTP"):
+        fetch(set_of(host, url=f"http://{'a' * 70}.com/set.zip"), tmp_path)
+
+
+def test_a_part_that_was_not_asked_for_is_refused(tmp_path, host):
+    host.status = 206
+    with pytest.raises(ChoreographError, match="connection failed"):
+        fetch(set_of(host), tmp_path)
+
+
 # Unpacking.
+
+
+@pytest.mark.parametrize("mine", [b"longer than it was", b"B"])
+def test_a_file_that_was_changed_stays_and_is_named(tmp_path, host, mine):
+    fetch(set_of(host), tmp_path)
+    (tmp_path / "takes" / "b.bvh").write_bytes(mine)
+    (tmp_path / "takes" / "a.bvh").unlink()
+    n_files, (note,) = fetch(set_of(host), tmp_path)
+    assert n_files == 2 and "left as they are: b.bvh. Remove" in note
+    assert (tmp_path / "takes" / "b.bvh").read_bytes() == mine
+    assert (tmp_path / "takes" / "a.bvh").read_bytes() == NOISE
+    (tmp_path / "takes" / "b.bvh").unlink()
+    assert fetch(set_of(host), tmp_path) == (2, ())
+    assert (tmp_path / "takes" / "b.bvh").read_bytes() == b"b"
+
+
+def test_of_many_changed_files_a_few_are_named(tmp_path, host):
+    host.content = zipped([(f"{index}.bvh", b"x") for index in range(9)])
+    fetch(set_of(host), tmp_path)
+    for path in (tmp_path / "takes").iterdir():
+        path.write_bytes(b"")
+    (note,) = fetch(set_of(host), tmp_path)[1]
+    assert "0.bvh, 1.bvh, 2.bvh and 6 more. Remove" in note
 
 
 def unpacked(tmp_path, content, **changes) -> int:
     archive = tmp_path / "set.zip"
     archive.write_bytes(content)
     file = SetFile("http://x/set.zip", 1, ("*.bvh",), "takes", 1_000_000)
-    return unpack(archive, tmp_path / "takes", replace(file, **changes))
+    return len(unpack(archive, tmp_path / "takes", replace(file, **changes))[0])
 
 
 @pytest.mark.parametrize(
@@ -214,3 +265,14 @@ def test_damaged_archives_are_one_line(tmp_path, damage):
         unpacked(tmp_path, content)
     assert "\n" not in str(raised.value)
     assert not list(tmp_path.glob("takes/*"))
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_archive_with_any_damage_is_unpacked_or_refused(tmp_path, method):
+    content, rng = zipped([("set/a.bvh", b"abc" * 99), ("é.bvh", b"x")], method), np.random.default_rng(1)
+    for _ in range(300):
+        damaged = bytearray(content)
+        for at in rng.integers(len(damaged), size=2):
+            damaged[at] = rng.integers(256)
+        with suppress(ChoreographError):
+            unpacked(tmp_path, bytes(damaged))

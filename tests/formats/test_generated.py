@@ -47,6 +47,13 @@ def matrices(motion: Motion) -> np.ndarray:
     return np.concatenate([np.zeros((motion.n_frames, 6)), motion.root_pos_m, 1.01 * turned], axis=1)
 
 
+def far_away() -> np.ndarray:
+    """Positions of which one is damaged."""
+    pos = MOTION.joint_pos_m().reshape(-1, 72)
+    pos[3, 40] = 1e30
+    return pos
+
+
 LAYOUTS = {
     "edge.pkl": (edge(z_up(MOTION)), 30.0),
     "lodge.pkl": (edge(MOTION, 66), 30.0),
@@ -130,6 +137,10 @@ def test_other_pickles_are_refused(tmp_path, content, says, capsys):
         (np.zeros((5, 24, 3)), "no bone lengths"),
         (np.array([["a"] * 72]), "array of numbers"),
         (np.zeros((5, 225), complex), "array of numbers"),
+        (MOTION.joint_pos_m()[:1].reshape(1, 72), "two frames or more"),
+        (MOTION.joint_pos_m()[:1, :22], "two frames or more"),
+        (np.full((5, 139), 1e300), "finite numbers below"),
+        (far_away(), "finite numbers below"),
     ],
 )
 def test_other_arrays_are_refused(tmp_path, array, says):

@@ -8,6 +8,7 @@ import pickle
 import struct
 import subprocess
 import sys
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -95,7 +96,14 @@ def _encoded_again_and_again() -> bytes:
     return text + b"(" + call * 5000 + b"l."
 
 
+def _addresses() -> bytes:
+    """An array whose bytes are addresses of objects, in the text of which they are used."""
+    array = pickle.dumps(np.full(2, 1.5), protocol=2)[2:-1].replace(b"f8", b"O8")
+    return b"\x80\x02}X\x0a\x00\x00\x00smpl_poses" + array + b"s."
+
+
 BOMBS = {
+    "addresses": _addresses(),
     "doubled lists": _doubled_lists(),
     "text made bytes": _encoded_again_and_again(),
     "a far memo": b"\x80\x02K\x01r\xff\xff\xff\x7f.",
@@ -154,6 +162,25 @@ def test_bombs_are_refused_with_little_memory_and_time(tmp_path):
     child = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert child.returncode == 0, child.stderr
     assert child.stdout.split() == ["refused"] * (len(BOMBS) + 2)
+
+
+def _lying_about_its_size(n_bytes: int) -> bytes:
+    """An entry that states 100 bytes and unpacks to `n_bytes`."""
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("root_pos_m.npy", bytes(n_bytes))
+        for name in ("names", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m"):
+            archive.writestr(f"{name}.npy", b"")
+    return packed.getvalue().replace(struct.pack("<I", n_bytes), struct.pack("<I", 100))
+
+
+def test_an_entry_is_not_unpacked_beyond_the_size_that_it_states(tmp_path):
+    (tmp_path / "a.npz").write_bytes(_lying_about_its_size(1 << 26))
+    tracemalloc.start()
+    one_line(tmp_path / "a.npz", read_npz)
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak_bytes < 1 << 22
 
 
 def test_arrays_of_dances_are_read_from_pickles(tmp_path):

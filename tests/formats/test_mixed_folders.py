@@ -136,7 +136,7 @@ def test_all_bad_files_are_named_in_one_run(tmp_path):
     assert "got 6 that cannot be read" in summary
     for text in ("bad.bvh", "bad.c3d", "long.glb", "cut.npz", "audio_offset_s", "there is no none"):
         assert any(text in line for line in lines), text
-    assert len(lines) == 6 and all(len(line) < 300 for line in [summary, *lines])
+    assert len(lines) == 6 and not any("left out" in line or "..." in line for line in lines)
 
 
 def test_build_db_names_all_bad_files_and_writes_nothing(tmp_path):
@@ -144,7 +144,7 @@ def test_build_db_names_all_bad_files_and_writes_nothing(tmp_path):
     result = run("build-db", with_bad_files(tmp_path / "takes"), "-o", tmp_path / "rep.h5")
     assert result.exit_code == 2
     lines = result.stderr.splitlines()
-    assert len(lines) == 7 and all(len(line) < 300 for line in lines)
+    assert len(lines) == 7
     assert "--skip-bad" in lines[0] and sum("bad.bvh" in line for line in lines) == 2  # bad.c3d has its name
     assert not (tmp_path / "rep.h5").exists()
 

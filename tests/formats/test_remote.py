@@ -69,6 +69,33 @@ def test_what_cannot_be_read_is_said_in_a_line(tmp_path, source, says):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize(
+    "source",
+    [
+        "reference://x", "data://x", "data://,x", "data://text/plain;base64,AAAA", "dir://x", "generic://x",
+        "github://x", "dask://x", "filecache://x", "zip://x", "memory://\0", "http://[bad/", "file://\0",
+        "http://127.0.0.1:99999/takes",
+    ],
+)  # fmt: skip
+def test_no_protocol_raises_an_error_of_its_own(tmp_path, source):
+    with (
+        pytest.raises(ParameterError, match=r"expected takes") as raised,
+        local_sources([source], tmp_path / "work"),
+    ):
+        pass
+    assert "\n" not in str(raised.value) and not (tmp_path / "work" / "fetched").exists()
+
+
+def test_a_name_that_leads_out_of_the_folder_is_replaced(tmp_path):
+    memory = fsspec.filesystem("memory")
+    memory.pipe("/bucket/..", b"x")
+    try:
+        with local_sources(["memory://bucket/.."], tmp_path / "work") as (path,):
+            assert path == tmp_path / "work" / "fetched" / "0" / "takes" and path.read_bytes() == b"x"
+    finally:
+        memory.rm("/bucket", recursive=True)
+
+
 def test_without_the_package_addresses_are_refused(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "fsspec.core", None)
     refused = pytest.raises(ParameterError, match=r"expected the package fsspec .*choreograph\[remote\]")

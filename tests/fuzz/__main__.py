@@ -1,5 +1,8 @@
 """`make fuzz MINUTES=60`: sane files of every format, then damaged and hostile ones, for as long as wanted.
 
+The minutes begin after the sane files. All jobs fuzz for that long, and each target gets its share. A target
+that was not tried fails the run, as does an input that is neither read nor refused.
+
 Inputs that fail are put into `corpus/TARGET/`, where the tests try them ever after.
 """
 
@@ -11,36 +14,42 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fuzz.harness import Tally, Target, accepted, fuzz, in_jobs, input_of
+from fuzz.harness import Tally, Target, accepted, fuzz, in_jobs, input_of, n_good
 from fuzz.targets import all_targets
 
 CORPUS = Path(__file__).with_name("corpus")
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m fuzz", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=5.0, help="of all jobs together")
+    parser.add_argument("--minutes", type=float, default=5.0, help="of fuzzing, in all jobs at once")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="processes; default: one for a core")
     parser.add_argument("--seed", type=int, default=None, help="inputs follow from it; default: the time")
     parser.add_argument("--targets", nargs="*", help="by name; default: all")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     seed = int(time.time()) if given.seed is None else given.seed
     with tempfile.TemporaryDirectory() as folder:
         targets = all_targets(Path(folder))
+        if unknown := set(given.targets or ()).difference(target.name for target in targets):
+            parser.error(f"expected names of targets, got {', '.join(sorted(unknown))}")
         targets = [target for target in targets if not given.targets or target.name in given.targets]
-        end = time.monotonic() + 60.0 * given.minutes / given.jobs
-        untouched = in_jobs(lambda some: {t.name: accepted(t) for t in some}, targets, given.jobs)
+        untouched = in_jobs(
+            lambda some: {t.name: accepted(t) for t in some}, targets, given.jobs, cost=n_good
+        )
         tallies = in_jobs(
-            lambda some: fuzz(some, seed=seed, seconds=end - time.monotonic()), targets, given.jobs
+            lambda some: fuzz(some, seed=seed, seconds=60.0 * given.minutes), targets, given.jobs
         )
         _print(untouched, "untouched")
         _print(tallies, f"seed {seed}")
         for target in targets:
             _keep_failures(target, tallies[target.name], seed)
-    return int(any(tally.failures for tally in (*untouched.values(), *tallies.values())))
+    untried = [name for name, tally in tallies.items() if not tally.tried]
+    if untried:
+        print(f"\nnot tried: {', '.join(untried)}", file=sys.stderr)
+    return int(bool(untried) or any(t.failures for t in (*untouched.values(), *tallies.values())))
 
 
 def _print(tallies: Mapping[str, Tally], inputs: str) -> None:

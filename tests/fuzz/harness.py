@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 from acceptance.corpus import MAX_REFUSED_SHARE, SaneFile
-from fuzz.mutations import mutated
+from fuzz.mutations import Rng, mutated
 from fuzz.repeats import REPEATS, Repeated, repeated
 
 from choreograph.core.errors import ChoreographError
@@ -64,6 +64,7 @@ class Target:
     # Writes what was read into a folder and reads it again; raises `AssertionError` unless it is the same.
     round_trip: Callable[[Any, Path], None] | None = None
     sane: Sequence[SaneFile] = ()  # of which at most 1 % may be refused
+    make: Callable[[Rng], bytes] | None = None  # all inputs, instead of changes of the seeds
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ def input_of(target: Target, seed: int, number: int) -> Input:
     """The input of that number."""
     key = [seed, int.from_bytes(target.name.encode(), "little"), number]
     rng = np.random.default_rng(key)
+    if target.make is not None:
+        return Input(target.make(rng))
     if rng.random() < REPEATED_SHARE:
         made = repeated(target.kind, target.seeds, rng)
         return Input(made.make(made.times), made)
@@ -115,29 +118,47 @@ def input_of(target: Target, seed: int, number: int) -> Input:
 def fuzz(
     targets: Sequence[Target], *, seed: int, seconds: float | None = None, n_inputs: int | None = None
 ) -> dict[str, Tally]:
-    """Try inputs of all targets in turn, for `seconds` or `n_inputs` of each."""
+    """Try inputs of all targets in turn: `n_inputs` of each, or for `seconds`, of which all get their share.
+
+    A target whose turn comes too late, since one before it took long, still gets one input.
+    """
     tallies = {target.name: Tally() for target in targets}
     end = time.monotonic() + (seconds or 0.0)
-    while True:
-        for target in targets:
-            tally = tallies[target.name]
-            last = sys.maxsize if n_inputs is None else n_inputs
-            slice_s = SLICE_S if n_inputs is None else np.inf
-            if tally.tried < last and (n_inputs is not None or time.monotonic() < end):
+    last = sys.maxsize if n_inputs is None else n_inputs
+    while seconds != 0.0:
+        for turn, target in enumerate(targets):
+            tally, left_s = tallies[target.name], end - time.monotonic()
+            slice_s = min(SLICE_S, left_s / (len(targets) - turn)) if n_inputs is None else np.inf
+            if tally.tried < last and (n_inputs is not None or left_s > 0.0 or tally.tried == 0):
                 _in_child(target, tally, lambda n, t=target: input_of(t, seed, n), last, slice_s)
         if time.monotonic() >= end and all(tally.tried >= (n_inputs or 0) for tally in tallies.values()):
-            return tallies
+            break
+    return tallies
+
+
+def n_good(target: Target) -> int:
+    """How many files a target has that must be read."""
+    return len(target.seeds) + len(target.sane)
 
 
 def in_jobs(
-    work: Callable[[Sequence[Target]], dict[str, Tally]], targets: Sequence[Target], n_jobs: int
+    work: Callable[[Sequence[Target]], dict[str, Tally]],
+    targets: Sequence[Target],
+    n_jobs: int,
+    cost: Callable[[Target], int] = lambda target: 1,
 ) -> dict[str, Tally]:
-    """Do the work in several processes at once, each for every n-th target. The inputs stay the same."""
+    """Do the work in several processes at once, each for some of the targets. The inputs stay the same.
+
+    The targets are dealt so that the sums of their `cost` are about equal.
+    """
+    hands: list[list[Target]] = [[] for _ in range(min(n_jobs, len(targets)))]
+    for target in sorted(targets, key=cost, reverse=True):
+        min(hands, key=lambda hand: sum(map(cost, hand))).append(target)
     context = get_context("fork")
     started = []
-    for job in range(n_jobs):
+    for hand in hands:
         receive, send = context.Pipe(duplex=False)
-        process = context.Process(target=lambda of, to: to.send(work(of)), args=(targets[job::n_jobs], send))
+        process = context.Process(target=lambda of, to: to.send(work(of)), args=(hand, send))
         process.start()
         send.close()
         started.append((process, receive))

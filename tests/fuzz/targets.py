@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import pickle
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,9 @@ import soundfile
 from acceptance import test_bvh, test_glb, test_manifests, test_rigs, test_songs
 from acceptance.corpus import SaneFile
 from acceptance.test_other_formats import BEAT_FILES, C3D_FILES, COUNT_FILES, SMPL_FILES, text_files
+from fuzz.array_files import npy_program, npz_program, pickle_program
 from fuzz.harness import Target
+from fuzz.mutations import Rng
 from fuzz.round_trips import counts_again, plan_again, signature_again, takes_again
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_markers import markers_on, write_c3d
@@ -32,6 +36,8 @@ from synthetic_studies import VARIANTS, rate_all, small_study
 
 import choreograph as cg
 from choreograph.choreography.constraints import read_motifs, read_signature
+from choreograph.core.errors import FormatError
+from choreograph.core.kept import KeptResults
 from choreograph.evaluation.study import KEY_NAME
 from choreograph.evaluation.study_results import read_key, read_ratings
 from choreograph.formats.choreonet import read_choreographies
@@ -69,10 +75,11 @@ def all_targets(folder: Path) -> list[Target]:
 def _target(
     folder: Path, name: str, file_name: str, kind: str, seeds: list[bytes], read: Callable[[Path], Any],
     *, round_trip: Callable[[Any, Path], None] | None = None, sane: Sequence[SaneFile] = (),
+    make: Callable[[Rng], bytes] | None = None,
 ) -> Target:  # fmt: skip
     own = folder / name
     own.mkdir(parents=True, exist_ok=True)
-    return Target(name, file_name, kind, seeds, read, own, round_trip, sane)
+    return Target(name, file_name, kind, seeds, read, own, round_trip, sane, make)
 
 
 def _takes(path: Path) -> list[Take]:
@@ -136,6 +143,53 @@ def _motions(folder: Path) -> Iterator[Target]:
         _takes,
         round_trip=takes_again,
         sane=SMPL_FILES,
+    )
+
+
+def made_pickles(folder: Path) -> Iterator[Target]:
+    """What may have pickles in it, made instruction by instruction."""
+    poses, trans = np.zeros((60, 72), np.float32), MOTION.root_pos_m
+    dance = {"smpl_poses": poses, "smpl_trans": trans}
+    pickles = [pickle.dumps(dance, protocol=protocol) for protocol in range(6)]
+    yield _target(folder, "made-pickle", "take.pkl", "bytes", pickles, _takes, make=pickle_program)
+    arrays = []
+    for content in (np.array(dance, object), MOTION.joint_pos_m(), np.asfortranarray(MOTION.joint_pos_m())):
+        packed = io.BytesIO()
+        np.save(packed, content)
+        arrays.append(packed.getvalue())
+    yield _target(folder, "made-npy", "take.npy", "bytes", arrays, _takes, make=npy_program)
+    archives = []
+    for given in (
+        {"poses": poses, "trans": trans, "fps": np.array(30)},
+        {**dance, "smpl_scaling": np.ones(1)},
+    ):
+        packed = io.BytesIO()
+        np.savez(packed, **given)
+        archives.append(packed.getvalue())
+    save_motion(folder / "good.npz", MOTION)
+    archives.append((folder / "good.npz").read_bytes())
+    yield _target(
+        folder, "made-npz", "take.npz", "npz", archives, _takes, make=partial(npz_program, archives)
+    )
+    key = bytes(16)
+
+    def kept(data: bytes) -> bytes:
+        return hashlib.sha256(data).digest() + data
+
+    def result(path: Path) -> Any:
+        found = KeptResults(path.parent, 1 << 30).read(key)
+        if found is None:
+            raise FormatError("it is made again")
+        return found
+
+    yield _target(
+        folder,
+        "made-result",
+        f"{key.hex()}.result",
+        "bytes",
+        [kept(data) for data in (*pickles, pickle.dumps(MOTION, 5))],
+        result,
+        make=lambda rng: kept(pickle_program(rng)),
     )
 
 
@@ -298,4 +352,4 @@ def _encoded(samples: np.ndarray, kind: str, codec: str) -> bytes:
     return content.getvalue()
 
 
-_MAKERS = (_motions, _characters, _tables, _dances, _studies, _songs)
+_MAKERS = (_motions, made_pickles, _characters, _tables, _dances, _studies, _songs)

@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from acceptance.corpus import SaneFile
-from fuzz.harness import Input, Target, accepted, fuzz, in_jobs, input_of, replay
+from fuzz.__main__ import main
+from fuzz.harness import Input, Tally, Target, accepted, fuzz, in_jobs, input_of, replay
 from fuzz.mutations import MAX_BYTES, _join, _lengthen_digits
 from fuzz.repeats import Repeated, _repeated_json, repeated
-from fuzz.targets import all_targets
+from fuzz.targets import all_targets, made_pickles
 
 from choreograph.core.errors import FormatError
 
 CORPUS = Path(__file__).with_name("corpus")
+N_PICKLES, SEED_OF_PICKLES = 100, 7
 N_INPUTS = 15  # of each target; `make fuzz`, which CI runs, tries as many as there is time for
 
 
@@ -163,6 +165,95 @@ def test_jobs_try_the_inputs_of_one_process(tmp_path, n_jobs):
         other = together[name]
         assert (other.tried, other.was_read, other.failures) == (20, tally.was_read, tally.failures)
         assert tally.failures
+
+
+def _of_cost(target: Target) -> int:
+    return int(target.name)
+
+
+def test_jobs_have_about_the_same_work(tmp_path):
+    targets = [Target(name, "file", "bytes", [b"ok"], _planted, tmp_path) for name in ("2", "5", "3")]
+    found = in_jobs(
+        lambda some: {target.name: Tally(tried=os.getpid()) for target in some}, targets, 2, cost=_of_cost
+    )
+    assert list(found) == ["2", "5", "3"] and found["2"] == found["3"] != found["5"]
+    assert in_jobs(lambda some: {target.name: Tally() for target in some}, targets[:1], 3) == {"2": Tally()}
+
+
+def _slow(path: Path) -> None:
+    time.sleep(0.02)
+
+
+def test_each_target_gets_its_share_of_the_time(tmp_path):
+    targets = [Target(name, "file", "bytes", [b"ok"], _slow, tmp_path) for name in "abcd"]
+    began = time.monotonic()
+    tallies = fuzz(targets, seed=0, seconds=1.2)
+    assert time.monotonic() - began < 10.0
+    assert all(tally.tried >= 3 for tally in tallies.values())
+
+
+def test_a_target_after_a_slow_one_gets_an_input(tmp_path):
+    def slower(path: Path) -> None:
+        time.sleep(0.5)
+
+    targets = [Target(name, "file", "bytes", [b"ok"], slower, tmp_path) for name in "abc"]
+    assert all(tally.tried for tally in fuzz(targets, seed=0, seconds=0.1).values())
+
+
+def _run(tmp_path, monkeypatch, *arguments: str, read=_slow, sane_s: float = 0.0) -> int:
+    """The status of `python -m fuzz` with two targets, which have one sane file each."""
+
+    def write(folder: Path) -> Path:
+        time.sleep(sane_s)
+        (folder / "file").write_bytes(b"ok")
+        return folder / "file"
+
+    def two(folder: Path) -> list[Target]:
+        made = []
+        for name in ("first", "second"):
+            (folder / name).mkdir()
+            made.append(Target(name, "file", "bytes", [b"ok"], read, folder / name))
+        return [replace(target, sane=[SaneFile("good", write)]) for target in made]
+
+    monkeypatch.setattr("fuzz.__main__.all_targets", two)
+    monkeypatch.setattr("fuzz.__main__.CORPUS", tmp_path)
+    return main(["--seed", "1", *arguments])
+
+
+def test_a_run_without_time_for_a_target_fails(tmp_path, monkeypatch, capsys):
+    assert _run(tmp_path, monkeypatch, "--minutes", "0") == 1
+    assert capsys.readouterr().err == "\nnot tried: first, second\n"
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_the_time_begins_after_the_sane_files(tmp_path, monkeypatch, capsys, jobs):
+    assert _run(tmp_path, monkeypatch, "--minutes", "0.01", "--jobs", jobs, sane_s=0.7) == 0
+    printed = capsys.readouterr()
+    rows = [line.split(" | ") for line in printed.out.split("seed 1")[1].splitlines() if "| " in line]
+    assert [row[0] for row in rows[2:]] == ["| first", "| second"] and not printed.err
+    assert all(int(row[1]) > 3 for row in rows[2:])
+
+
+def test_a_failure_fails_the_run_and_is_kept(tmp_path, monkeypatch):
+    def broken(path: Path) -> None:
+        if path.read_bytes() != b"ok":
+            raise KeyError
+
+    assert _run(tmp_path, monkeypatch, "--minutes", "0.01", "--targets", "first", read=broken) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["first"] and list((tmp_path / "first").iterdir())
+
+
+def test_unknown_targets_are_refused(tmp_path, monkeypatch, capsys):
+    with pytest.raises(SystemExit) as caught:
+        _run(tmp_path, monkeypatch, "--targets", "frist")
+    assert caught.value.code == 2 and "got frist" in capsys.readouterr().err
+
+
+def test_pickles_made_by_construction_are_read_or_refused(tmp_path):
+    """Of those before `core.pickles`, some ended the process, and others raised other errors."""
+    for target in made_pickles(tmp_path):
+        tally = fuzz([target], seed=SEED_OF_PICKLES, n_inputs=N_PICKLES)[target.name]
+        assert (tally.tried, tally.failures) == (N_PICKLES, {}), target.name
 
 
 @pytest.fixture(scope="module")

@@ -47,10 +47,23 @@ def test_a_format_is_stated_for_samples_without_a_header():
     np.testing.assert_allclose(samples[middle], sine()[middle], atol=0.01)
 
 
-@pytest.mark.parametrize("text", ["", "44100", "44100:2", "44100:2:mp3", "0:2:s16", "44100:0:s16", "x:2:s16"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "44100", "44100:2", "44100:2:mp3", "0:2:s16", "44100:0:s16", "x:2:s16", "9" * 5000 + ":2:s16",
+        "44100:" + "9" * 5000 + ":s16", "44100:2:" + "s" * 5000, "²:2:s16", "44100:2:s16:", "44100:2:s16\n",
+    ],
+)  # fmt: skip
 def test_another_format_is_refused(text):
-    with pytest.raises(ParameterError, match="44100:2:s16"):
+    with pytest.raises(ParameterError, match="44100:2:s16") as raised:
         PcmFormat.parse(text)
+    assert len(str(raised.value)) < 200
+
+
+@pytest.mark.filterwarnings("error")
+def test_channels_with_values_of_any_size_are_added():
+    values = np.array([[3e38, 3e38], [np.inf, -np.inf], [np.nan, 0.5], [0.25, 0.75]], "<f4")
+    assert heard(values.tobytes(), PcmFormat(RATE, 2, "f32")).tolist() == [1.0, 0.0, 0.25, 0.5]
 
 
 def test_what_is_no_number_is_silent_and_an_incomplete_sample_is_left_out():

@@ -40,11 +40,26 @@ def test_an_object_has_several_requests():
     [
         ("genre", 3), ("energy", "much"), ("energy", float("nan")), ("energy", True), ("seed", 1.5),
         ("seed", -1), ("pin", "house-01"), ("pin", "motif:x"), ("pin", "take:"), ("speed", 2),
+        ("seed", 10**3999), ("seed", -(10**3999)), ("energy", 10**3999), ("seed", float("inf")),
+        ("seed", [10**3999]), ("pin", "motif:" + "9" * 5000), ("pin", "motif:" + "9" * 30),
+        ("x" * 100_000, 1),
     ],
 )  # fmt: skip
 def test_other_values_are_refused(kind, value):
-    with pytest.raises(FormatError, match="expected genre salsa"):
+    with pytest.raises(FormatError, match="expected genre salsa") as raised:
         Request.of(kind, value)
+    assert len(str(raised.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "number", ["9" * 4000, "-" + "9" * 4000, "9" * 5000, "1e400", "NaN", "[" * 900 + "]" * 900]
+)
+@pytest.mark.parametrize("kind", ["seed", "energy"])
+def test_numbers_of_any_length_are_refused(kind, number):
+    with pytest.raises(FormatError):
+        of_json(f'{{"{kind}": {number}}}')
+    with pytest.raises(FormatError):
+        of_line(f"{kind} {number}")
 
 
 def test_other_messages_and_texts_are_refused():

@@ -107,13 +107,15 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     song = write_clicks(tmp_path / "song.wav", duration_s=2.0)
     save_motion(tmp_path / "steps.bvh", stepping(30))
     dance = ("--dance", tmp_path / "steps.bvh", "--silent")
-    assert_one_line(run("live", song, *dance, "--genre", "house"), says="leave out one")
-    assert_one_line(run("live", song, *dance, "--control", "9000"), says="leave out one")
+    assert_one_line(run("live", song, *dance, "--genre", "house"), says="expected no --genre beside --dance")
+    assert_one_line(
+        run("live", song, *dance, "--control", "9000"), says="expected no --control beside --dance"
+    )
     assert_one_line(run("live", song, *dance, "--host", "no.such.invalid"), says="'no.such.invalid'")
     assert_one_line(run("live", song, *dance, "--host", f"{'a' * 70}.b"), says="not a name of a machine")
     assert_one_line(run("live", tmp_path / "none.mp3", *dance), says="none.mp3")
     assert_one_line(run("live"), says="expected a SONG, or --input")
-    assert_one_line(run("live", song, "--pcm", "44100:2:s16"), says="expected a SONG, or --input")
+    assert_one_line(run("live", song, "--pcm", "44100:2:s16"), says="expected no --pcm without --input")
     assert_one_line(run("live", song, "--input", "-"), says="expected --input without SONG")
     assert_one_line(run("live", "--input", "-", "--pcm", "mp3"), says="RATE:CHANNELS:ENCODING")
 

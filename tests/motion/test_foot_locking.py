@@ -10,7 +10,7 @@ from choreograph.evaluation.metrics.physical import evaluate, foot_slide_cm_s, j
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.contacts import foot_contacts, sole_pos_m
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.foot_locking import lock_feet, locking_shift
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 
@@ -30,6 +30,36 @@ def test_locked_feet_do_not_slide():
     before, after = foot_slide_cm_s(body_pos_m(motion), 30), foot_slide_cm_s(body_pos_m(locked), 30)
     assert before > 3
     assert after < 0.2 * before
+
+
+@pytest.mark.parametrize("n_given", [0, 1, 2, 10])
+@pytest.mark.parametrize("each_frame", [False, True])
+def test_the_shift_is_the_minimum_of_its_definition(each_frame, n_given):
+    """The sum of contact * |v + d'|^2 + a * |d|^2 + b * |third derivative of d|^2, with whole matrices."""
+    rng, fps, n = np.random.default_rng(n_given), 30.0, 40
+    points_m, contacts = rng.normal(size=(n, 2, 3)).cumsum(axis=0) * 0.01, rng.uniform(size=(n, 2))
+    shift_s = rng.uniform(0.05, 0.3, n) if each_frame else 0.2
+    first, third = (np.diff(np.eye(n), order, axis=0) for order in (1, 3))
+    still = np.minimum(contacts[1:], contacts[:-1])  # a step from or to a frame in the air may be long
+    around = np.broadcast_to((np.asarray(shift_s) * fps) ** 6, n)
+    stiff = (around[1:-2] + around[2:-1]) / 2  # between the two frames in the middle of four
+    matrix = np.eye(n) + fps**2 * first.T @ np.diag(still.sum(axis=1)) @ first
+    matrix += third.T @ np.diag(stiff) @ third
+    wanted = -(fps**2) * first.T @ np.einsum("tp,tpi->ti", still, np.diff(points_m, axis=0))
+    given = rng.normal(size=(n_given, 3)) * 0.01
+    free = slice(n_given, n)
+    rest = np.linalg.solve(matrix[free, free], wanted[free] - matrix[free, :n_given] @ given)
+    found = locking_shift(points_m, contacts, fps, shift_s, given if n_given else None)
+    np.testing.assert_allclose(found, np.concatenate([given, rest]), rtol=0, atol=1e-10)
+
+
+def test_a_foot_that_leaves_the_floor_or_comes_down_is_not_held_back():
+    """It stands, steps 0.3 m within the frames in the air, and stands: no step is one of a contact."""
+    at_m = np.concatenate([np.zeros(30), np.linspace(0.0, 0.3, 12), np.full(30, 0.3)])
+    points_m = np.stack([at_m, 0.0 * at_m, 0.0 * at_m], axis=-1)[:, None]
+    contacts = np.ones((72, 1))
+    contacts[31:41] = 0.0
+    assert np.abs(locking_shift(points_m, contacts, 30.0, 0.2)).max() < 1e-9
 
 
 def test_without_contacts_only_sinking_feet_move():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,10 @@ from hypothesis import strategies as st
 from synthetic_motions import stepping
 
 from choreograph.core.numerics import Memory
+from choreograph.motion import rotations as rot
+from choreograph.motion.body import body_pos_m
+from choreograph.motion.motion import Credits, Motion
+from choreograph.plan_parts import PlannedSecond, second_block
 from choreograph.render.runs import Run, to_runs, with_transitions
 from choreograph.render.transitions import time_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S
@@ -89,6 +95,35 @@ def test_a_take_is_not_played_beyond_its_ends():
         assert starts_s(timed(early, [0.0, 0.7])) == [0.0, wanted_s]
 
 
+def test_a_take_whose_speed_has_a_corner_at_an_end_is_not_played_beyond_it():
+    """The time map follows the border of its take for a frame: the spline there goes back in time."""
+    corner = np.concatenate([[0.0, 0.5], 0.5 + 1.2 * np.arange(1, 20)]) / 20
+    entered = to_runs("ab", [np.linspace(4.0, 5.0, 21), corner])
+    assert entered[1].source_s(np.array([0.7]))[0] < -0.05
+    assert starts_s(timed(entered, [0.0, 0.7])) == [0.0, 1.0]
+    left = to_runs("ab", [5.0 - corner[::-1], np.linspace(4.0, 5.0, 21)])
+    assert left[0].source_s(np.array([1.3]))[0] > 5.05
+    assert starts_s(timed(left, [0.0, 1.3], lengths_s=LENGTHS_S | {"a": 5.0})) == [0.0, 1.0]
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3), st.floats(-0.5, 0.5))
+def test_a_plan_names_the_part_of_a_take_that_is_played(seed, n_seconds, away_s):
+    """Also before and after the seconds that are planned, and at any corners of the time map."""
+    rng = np.random.default_rng(seed)
+    slopes = rng.choice([0.5, 1.0, 1.2, 2.0], 20 * n_seconds)
+    times_s = 3.0 + np.concatenate([[0.0], np.cumsum(slopes)]) / 20
+    played = [times_s[20 * second : 20 * second + 21] for second in range(n_seconds)]
+    (run,) = to_runs("a" * n_seconds, played)
+    for at_s, second in ((min(away_s, 0.0), 0), (n_seconds + max(away_s, 0.0), n_seconds - 1)):
+        planned = PlannedSecond(
+            second, "a", 0, 3.0, 0, 0, tuple(played[second]), float(second), 0.3, {}, Credits()
+        )
+        named_s = second_block(planned, (at_s, second + 1.0) if at_s < second else (second, at_s))
+        source_s = named_s.source_start_s if at_s < second else named_s.source_end_s
+        assert source_s == pytest.approx(run.source_s(np.array([at_s]))[0], abs=1e-6)
+
+
 def test_fixed_and_locked_runs_start_on_time():
     runs = seconds("abcab")
     joins_s = [0.0, 1.2, 2.2, 3.2, 4.2]
@@ -142,3 +177,30 @@ def test_a_transition_is_the_shortest_that_is_gentle():
     assert timed(apart, [0.0, 1.0])[1].transition_s > shortest
     assert max(lengths) <= longest
     assert timed(apart, [0.0, 1.0], blending="linear")[1].transition_s == TRANSITION_LENGTHS_S["linear"][0]
+
+
+@pytest.mark.parametrize("turn_rad", [0.05, 0.3, 0.6, 1.2])
+@pytest.mark.parametrize("locked", [False, True])
+def test_no_joint_is_accelerated_by_more_than_4_m_s2(turn_rad, locked):
+    """Two bodies stand still with different arms. A side that takes all of the offset starts at rest."""
+    still = TAKES["a"].sliced(0, 1)
+    quat = np.repeat(still.local_quat, 600, axis=0)
+    raised = quat.copy()
+    shoulder = still.skeleton.index("left_shoulder")
+    raised[:, shoulder] = rot.multiply(rot.from_rotvec(np.array([0.0, 0.0, turn_rad])), raised[:, shoulder])
+    root_pos_m = np.repeat(still.root_pos_m, 600, axis=0)
+    bodies = {
+        name: Motion(still.skeleton, root_pos_m, of, FPS) for name, of in (("a", quat), ("b", raised))
+    }  # fmt: skip
+    apart_m = np.linalg.norm(body_pos_m(bodies["b"])[0] - body_pos_m(bodies["a"])[0], axis=-1).max()
+    runs = to_runs("ab", [np.linspace(3.0, 4.0, 21)] * 2)
+    runs[0] = replace(runs[0], locked=locked)
+    (_, timing) = time_transitions(
+        runs, [0.0, 1.0], dict.fromkeys("ab", 10.0), lambda take, *_: (bodies[take], 0.0), fps=FPS,
+        blending="inertial",
+    )  # fmt: skip
+    # Peaks of the second derivative of a quintic, with the speed of the minimum-jerk path and from rest.
+    peak = 5.8 if locked else 1.45
+    options = sorted(TRANSITION_LENGTHS_S["inertial"])
+    gentle = [length_s for length_s in options if peak * apart_m / length_s**2 <= 4.0]
+    assert timing.transition_s == (gentle or options[-1:])[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from starlette.websockets import WebSocketDisconnect
 from studio_client import PORT, Client
 
 from choreograph.studio.safety import COOKIE, HEADERS, MOST_JSON_BYTES, Access
@@ -103,6 +104,42 @@ def test_a_large_body_is_refused_before_it_is_read(client):
     for path, length in (("/api/undo", MOST_JSON_BYTES + 1), ("/api/song", 1 << 40), ("/api/edit", -1)):
         reply = client.http.post(path, content=b"1", headers={"Content-Length": str(length)})
         assert reply.status_code == 413, path
+
+
+@pytest.mark.parametrize("length", ["9" * 5000, "²", "", "+1", "1_0"])
+def test_a_length_that_is_none_is_refused(client, length):
+    reply = client.http.post("/api/undo", content=b"1", headers={"Content-Length": length.encode("latin-1")})
+    assert reply.status_code == 413
+
+
+def test_a_request_that_reads_has_no_body(client):
+    reply = client.http.request("GET", "/api/state", content=b"1")
+    assert reply.status_code == 413 and client.http.request("GET", "/api/state").status_code == 200
+
+
+def test_a_web_socket_is_refused(client):
+    with pytest.raises(WebSocketDisconnect), client.http.websocket_connect("/api/events"):
+        pass
+    assert client.get("/api/state", headers={"Upgrade": "websocket"}).status_code == 403
+
+
+def test_a_method_that_is_not_allowed_is_refused_with_those_that_are(client):
+    reply = client.http.put("/api/undo", json={})
+    assert reply.status_code == 405 and reply.headers["allow"] == "POST"
+
+
+@pytest.mark.parametrize("cookie", ["[]", '{"a": 1}', "a", "=", "é=ü", "a=b=c", '"'])
+def test_cookies_of_other_programs_do_not_matter(client, cookie):
+    other = Client(client.service, Access(PORT, "0.0.0.0", "secret"), f"http://192.168.1.5:{PORT}")
+    for cookies in (f"{cookie}; {COOKIE}=secret", f"{COOKIE}=secret;{cookie}"):
+        assert other.get("/api/state", headers={"Cookie": cookies.encode()}).status_code == 200
+    assert other.get("/api/state", headers={"Cookie": cookie.encode()}).status_code == 403
+
+
+def test_a_token_that_is_not_needed_is_not_kept(client):
+    for token in ("%0d%0aSet-Cookie:%20a", "%00", "x"):
+        reply = client.get(f"/?token={token}")
+        assert reply.status_code == 200 and "set-cookie" not in reply.headers
 
 
 def test_a_body_without_a_length_is_refused(client):

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import subprocess
+import sys
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +17,7 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.plan_parts import PlannedEdit
-from choreograph.studio.project import Project, joined, project_from_json
+from choreograph.studio.project import MOST_SIZE, Project, joined, project_from_json
 from choreograph.studio.settings import Settings
 
 
@@ -85,7 +89,7 @@ def test_the_file_has_the_layout_that_is_described(plans):
 
 def test_a_step_with_edits_is_short(plans):
     project = with_steps(plans)
-    texts = [step.text for step in project.steps.values()]
+    texts = [step.to_json() for step in project.steps.values()]
     assert "plan" in json.loads(texts[0]) and "plan" not in json.loads(texts[1])
     assert len(json.loads(texts[2])["edits"]) == 1
 
@@ -128,8 +132,8 @@ def test_another_file_is_refused(text):
     "changes",
     [
         {"colour": 1}, {"engine": "none"}, {"seed": -1}, {"seed": "x"}, {"weights": {"pace": "much"}},
-        {"weights": 3}, {"genre": 7}, {"bans": "take:a"}, {"dynamics": 2.0}, {"stage": "large"},
-        {"front": []}, {"repertoire": 3},
+        {"weights": {"pace": -1.0}}, {"weights": {"pace": float("inf")}}, {"weights": 3}, {"genre": 7},
+        {"bans": "take:a"}, {"dynamics": 2.0}, {"stage": "large"}, {"front": []}, {"repertoire": 3},
     ],
 )  # fmt: skip
 def test_settings_that_are_not_valid_are_refused(changes):
@@ -140,6 +144,124 @@ def test_settings_that_are_not_valid_are_refused(changes):
 def test_weights_are_added_and_none_is_the_default_again():
     first = Settings().changed({"weights": {"pace": 2.0, "energy": 1.0}})
     assert first.changed({"weights": {"pace": None}}).weights == {"energy": 1.0}
+
+
+# Files that take far more memory than bytes.
+
+
+def ten_minutes(plan):
+    """A plan of ten minutes, with the seconds of another one."""
+    second = plan.seconds[2]
+    seconds = tuple(
+        replace(second, second=i, start_s=float(i), costs={n: c + i / 997 for n, c in second.costs.items()},
+                source_times_s=tuple(t + i / 331 for t in second.source_times_s))
+        for i in range(600)
+    )  # fmt: skip
+    beats_s = tuple(i / 2 for i in range(1200))
+    return replace(
+        plan, seconds=seconds, words=(), duration_s=600.0, closing_s=None, amplitudes=(), stops_s=(),
+        music_beats_s=beats_s, music_beat_numbers=(),
+    )  # fmt: skip
+
+
+def bomb_of_plans(plans):
+    """The project, with many steps that have a plan of three million beats each."""
+    data = json.loads(with_steps(plans).to_json())
+    plan = json.loads(plans[0].to_json()) | {"music_beats_s": [], "music_beat_numbers": []}
+    text = json.dumps(plan).replace(
+        '"music_beats_s": []', f'"music_beats_s": [{",".join(["0"] * 3_000_000)}]'
+    )
+    first = data["steps"][0] | {"plan": base64.b64encode(zlib.compress(text.encode(), 9)).decode()}
+    return json.dumps(data | {"steps": [first | {"number": i} for i in range(1, 20)]})
+
+
+def bomb_of_values(plans):
+    """The project, with a list of millions of small objects."""
+    return with_steps(plans).to_json()[:-3] + ',"x":[' + ",".join(['{"a":0}'] * 3_000_000) + "]}"
+
+
+def bomb_of_edits(plans):
+    """The project, with steps that each add an edit to the step before."""
+    data = json.loads(with_steps(plans).to_json())
+    first, second = data["steps"][:2]
+    second["edits"] *= 40
+    more = [second | {"number": i, "parent": i - 1} for i in range(2, 2000)]
+    return json.dumps(data | {"steps": [first, *more], "path": [1], "at": 0})
+
+
+@pytest.mark.parametrize("bomb", [bomb_of_plans, bomb_of_values, bomb_of_edits])
+def test_a_project_that_takes_far_too_much_memory_is_refused(plans, bomb, tmp_path):
+    path = tmp_path / "p.studio.json"
+    path.write_text(bomb(plans))
+    said, grown_bytes = read_elsewhere(path)
+    assert said.startswith(("p.studio.json: expected a project that takes", "p.studio.json: step 1: "))
+    assert "\n" not in said and grown_bytes < 300e6
+
+
+def test_a_plan_is_limited_when_it_is_used_as_well(plans):
+    first = with_steps(plans).steps[1]
+    text = b"[" + b"0," * 40_000_000 + b"0]"
+    bomb = replace(first, base=base64.b64encode(zlib.compress(text, 9)).decode())
+    with pytest.raises(FormatError, match="too long"):
+        bomb.plan()
+
+
+def test_a_large_project_is_read_with_little_memory(plans, tmp_path):
+    plan, project = ten_minutes(plans[0]), Project("song.wav")
+    for seed in range(8):
+        project = project.with_dance("again", plan, Settings(seed=seed), [], edited=False)
+    assert len(project.steps) == 8 and 200 * project.steps[1].size < MOST_SIZE
+    path = tmp_path / "p.studio.json"
+    path.write_text(project.to_json())
+    said, grown_bytes = read_elsewhere(path)
+    assert said == "8 steps" and grown_bytes < 30e6
+
+
+def read_elsewhere(path):
+    """What a process says that reads a project, and by how many bytes its memory grows."""
+    code = """
+import resource, sys
+from pathlib import Path
+from choreograph.core.errors import ChoreographError
+from choreograph.studio.project_file import ProjectFile
+file, before = ProjectFile(Path(sys.argv[1])), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
+try:
+    print(len(file.read().steps), "steps")
+except ChoreographError as error:
+    print(error)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+    ended = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=True)
+    said, kib = ended.stdout.strip().splitlines()
+    return said, 1024 * int(kib)
+
+
+def test_the_oldest_steps_leave_a_project_that_grows_too_large(plans, monkeypatch):
+    project = with_steps(plans[:1]).with_version("A")
+    first = project.current.number
+    monkeypatch.setattr("choreograph.studio.project.MOST_SIZE", 12 * project.current.size)
+    for seed in range(30):
+        project = project.with_dance("again", plans[0], Settings(seed=seed), [], edited=False)
+        project = project.with_dance("edit", plans[1], Settings(seed=seed), [(2.0, 4.0)], edited=True)
+        assert project.at == len(project.path) - 1 and project.can_undo
+        assert project.current.plan() == plans[1] and project.undone().current.plan() == plans[0]
+        assert project_from_json(project.to_json(), "p") == project
+    assert 8 < len(project.steps) < 30 and first in project.steps and first not in project.path
+    while project.can_undo:
+        project = project.undone()
+    assert project.with_dance("last", plans[0], Settings(), [], edited=False).can_undo
+
+
+def test_a_dance_that_no_project_can_contain_is_refused(plans, monkeypatch):
+    beats_s = tuple(i / 1e5 for i in range(1_000_000))
+    long = replace(plans[0], music_beats_s=beats_s, music_beat_numbers=())
+    with pytest.raises(ParameterError, match="hours"):
+        Project("song.wav").with_dance("first", long, Settings(), [], edited=False)
+    project = with_steps(plans)
+    monkeypatch.setattr("choreograph.studio.project.MOST_SIZE", project.current.size)
+    with pytest.raises(ParameterError, match="roll again"):
+        project.with_dance("edit", plans[2], Settings(), [], edited=True)
 
 
 spans = st.lists(st.tuples(st.floats(0, 60), st.floats(0, 60)).map(sorted).filter(lambda s: s[0] < s[1]))

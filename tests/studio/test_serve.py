@@ -156,6 +156,34 @@ def test_a_project_opens_its_song(open_studio, folder):
     assert again.revision == 1  # the dance was not made a second time
 
 
+def test_links_to_a_project_and_to_a_song_stay_links(open_studio, folder, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("links")
+    song, project = elsewhere / "linked.wav", elsewhere / "mine.studio.json"
+    song.symlink_to(folder / "clicks.wav")
+    project.symlink_to(folder / "clicks.studio.json")
+    first = open_studio(folder / "clicks.wav").ready()
+    with pytest.raises(ChoreographError, match="works on clicks"):
+        open_studio(None, project=project)
+    first.service.close()
+    again = open_studio(None, project=project).ready()  # the song is beside the file that the link leads to
+    assert again.post("/api/locks", revision=1, locks=[[1.0, 2.0]]).status_code == 200
+    again.service.close()
+    assert project.is_symlink() and project_from_json(project.read_text(), "p").revision == 2
+    open_studio(song).ready()  # a link is a song with a project of its own
+    assert song.is_symlink()
+    names = {name for name in os.listdir(elsewhere) if not name.endswith(".lock")}
+    assert names == {"linked.wav", "linked.studio.json", "mine.studio.json"}
+
+
+def test_a_studio_that_cannot_start_leaves_nothing(repertoire, folder, tmp_path_factory, monkeypatch):
+    scratch = tmp_path_factory.mktemp("scratch")
+    monkeypatch.setattr("tempfile.tempdir", str(scratch))
+    (folder / "clicks.studio.json").write_text("{")
+    with pytest.raises(FormatError) as refused:  # which would keep the studio alive
+        start(folder / "clicks.wav", repertoire)
+    assert list(scratch.iterdir()) == [] and refused.value
+
+
 @pytest.mark.parametrize(
     "content",
     [b"", b"{", b"[]", b"\xff\xfe", b'{"song": "clicks.wav"}', b'{"song": "../clicks.wav", "steps": []}'],
@@ -186,7 +214,9 @@ def test_a_port_is_free_or_its_user_is_told():
         assert port > 0
         with pytest.raises(ChoreographError, match=f"expected port {port} of 127.0.0.1 to be free"):
             _listening("127.0.0.1", port)
-    for host, other, said in (("no.such.invalid", 0, "host"), ("127.0.0.1", 70_000, "0 to 65535")):
+    for host, other, said in (
+        ("no.such.invalid", 0, "host"), ("a" * 300, 0, "host"), ("127.0.0.1", 70_000, "0 to 65535"),
+    ):  # fmt: skip
         with pytest.raises(ParameterError, match=said):
             _listening(host, other)
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from synthetic_characters import CHARACTERS, write_character
@@ -13,7 +17,7 @@ from choreograph.characters.gltf_character import read_character
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.studio.refusals import NotFoundError
 from choreograph.studio.serve import start
-from choreograph.studio.service import News, Service
+from choreograph.studio.service import News, Service, scratch_folder
 
 
 @pytest.fixture
@@ -149,3 +153,31 @@ def test_a_closed_service_leaves_nothing(repertoire, folder):
     assert scratch.is_dir()
     service.close()
     assert not scratch.exists() and not list(folder.glob(".*lock"))
+
+
+def test_what_killed_studios_left_is_removed_but_not_what_running_ones_use(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    code = """
+import os
+from choreograph.studio.service import scratch_folder
+held = scratch_folder()
+folder = held.__enter__()
+(folder / "sent-1").mkdir()
+(folder / "sent-1" / "song.wav").write_bytes(b"1")
+print(folder, flush=True)
+input()
+os._exit(1)
+"""
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        other = Path(process.stdout.readline().strip())
+        os.utime(other / "lock", (1, 1))  # as if it ran for long
+        with scratch_folder() as mine:
+            assert {*tmp_path.iterdir()} == {mine, other} and (other / "sent-1" / "song.wav").exists()
+        process.communicate("\n")
+    with scratch_folder() as mine:
+        assert list(tmp_path.iterdir()) == [mine]
+    assert list(tmp_path.iterdir()) == []

@@ -7,9 +7,11 @@ import builtins
 import numpy as np
 import pytest
 from PIL import Image
-from synthetic_repertoire import synthetic_repertoire, synthetic_takes
+from synthetic_repertoire import synthetic_contents, synthetic_repertoire, synthetic_takes, with_vocabulary
 
 from choreograph.core.errors import ParameterError, RepertoireError
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
 from choreograph.view import motif_plots
 from choreograph.view.motif_plots import (  # fmt: skip
     MOTIFS_SHOWN,
@@ -46,6 +48,16 @@ def test_every_plot_is_a_picture_with_something_on_it(repertoire, tmp_path, monk
         pixels = np.asarray(Image.open(path).convert("L"))
         assert max(pixels.shape) < 1600
         assert pixels.std() > 10
+
+
+def test_a_genre_without_takes_has_no_plots(tmp_path, monkeypatch):
+    monkeypatch.setattr(motif_plots, "STRIPS", 0)
+    named, others = (synthetic_takes(duration_s=10.0, genres=genres) for genres in (("a", "b"), ("b", "b")))
+    write_repertoire(tmp_path / "rep.h5", with_vocabulary(synthetic_contents(others), named))
+    written = write_motif_plots(tmp_path / "plots", Repertoire.open(tmp_path / "rep.h5"))
+    assert [path.name for path in written] == [
+        "signature-b.png", "transitions-b.png", "distance-over-time.png",
+    ]  # fmt: skip
 
 
 def test_bars_show_the_most_frequent_motifs_of_the_template(repertoire, dances):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,10 +18,10 @@ from choreograph.choreography.graph.cost import (
 )
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
-from choreograph.core import installed
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts
+from choreograph.core.plugins import installed
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.danced_span import held_times_s
@@ -349,16 +350,18 @@ def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tup
     """The costs of other packages that have a weight, without those of the same name as one `given`.
 
     Another package adds a subclass of `Cost` by an entry point of the group `choreograph.costs`, under the
-    cost's name. Raises `ParameterError` if one cannot be loaded or has another name.
+    cost's name.
     """
-    taken = {*(cost.name for cost in BUILTIN_COSTS), *(cost.name for cost in given)}
-    kinds = {name: kind for name, kind in installed(COST_GROUP).items() if name in weights}
-    for name, kind in kinds.items():
-        if not (isinstance(kind, type) and issubclass(kind, Cost) and kind.name == name):
-            raise unexpected(
-                f"a subclass of Cost with the name {name!r} as entry point of {COST_GROUP}", kind
-            )
-    return tuple(kind() for name, kind in kinds.items() if name not in taken)
+    taken = {cost.name for cost in given}
+    kinds = installed(COST_GROUP, _check_cost)
+    return tuple(kind() for name, kind in kinds.items() if name in weights and name not in taken)
+
+
+def _check_cost(name: str, kind: Any) -> None:
+    """Raise unless the class of another package makes a cost of this name."""
+    if not (isinstance(kind, type) and issubclass(kind, Cost) and kind.name == name):
+        raise unexpected(f"a subclass of Cost with the name {name!r} of its entry point", kind)
+    kind()
 
 
 def own_costs(config: DanceConfig, costs: Sequence[Cost], engine: str) -> tuple[WeightedCost, ...]:

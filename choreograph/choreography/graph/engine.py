@@ -38,7 +38,7 @@ from choreograph.plan_parts import PlannedSecond, PlannedWord
 from choreograph.render.rendering import render_planned, runs_of_seconds, take_motions
 from choreograph.render.runs import Run, TransitionTiming
 from choreograph.render.transitions import time_transitions
-from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights
+from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights, settings_of
 
 _COST_DECIMALS = 4  # of a cost in a plan. Further decimals differ between CPUs
 
@@ -47,24 +47,7 @@ class GraphEngine:
     """Seconds of warped takes, and the path through a graph of them (ChoreoGraph, section 3)."""
 
     name = "graph"
-    settings = frozenset(
-        {
-            "planner",
-            "bound",
-            "candidates",
-            "selection",
-            "warping",
-            "density",
-            "time_maps",
-            "blending",
-            "transitions",
-            "lock_feet",
-            "stage",
-            "front",
-            "weights",
-            "costs",
-        }
-    )
+    settings = settings_of(name) | {"costs"}
 
     def check(
         self,

@@ -42,7 +42,7 @@ from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_from, take_motions
 from choreograph.render.runs import RecentRuns, sample_run, stage_half_m
-from choreograph.settings import DanceConfig
+from choreograph.settings import DanceConfig, settings_of
 
 _STEPS = 10  # of the progress of a rendering
 _NO_POSES = np.zeros((0, 3, 21, 3))  # of candidates while a long dance is rendered
@@ -60,19 +60,7 @@ class MixerEngine:
     """Motion words of takes (Rhythm is a Dancer, sections 4.3 and 5.2.5)."""
 
     name = "mixer"
-    settings = frozenset(
-        {
-            "planner",
-            "blending",
-            "lock_feet",
-            "stage",
-            "front",
-            "motif_draw",
-            "phrase_counts",
-            "weights",
-            "costs",
-        }
-    )
+    settings = settings_of(name) | {"costs"}
 
     def check(
         self,

@@ -46,7 +46,7 @@ from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan import Plan
 from choreograph.plan_parts import PlannedWord
 from choreograph.render.rendering import render_generated, render_over
-from choreograph.settings import DanceConfig
+from choreograph.settings import DanceConfig, settings_of
 
 _ATTEMPTS = 4  # to make a dance that shows the requested motifs
 
@@ -55,19 +55,7 @@ class RolloutEngine:
     """A network's motion (Rhythm is a Dancer, section 4)."""
 
     name = "rollout"
-    settings = frozenset(
-        {
-            "front",
-            "stage",
-            "motif_draw",
-            "phrase_counts",
-            "style_song",
-            "style_strength",
-            "style_window",
-            "weights",
-            "costs",
-        }
-    )
+    settings = settings_of(name) | {"costs"}
 
     def check(
         self,

@@ -92,7 +92,7 @@ class SeamBody(Revised):
     counts: Annotated[int, Field(ge=-256, le=256)]
 
 
-# Uploaded files. Each has a folder of its own until it is placed, so that messages show its own name.
+# Uploaded files. Each has a folder of its own, so that messages show its own name.
 
 
 async def uploaded(request: Request, folder: Path, suffixes: Iterable[str], most_bytes: int) -> Path:
@@ -102,10 +102,10 @@ async def uploaded(request: Request, folder: Path, suffixes: Iterable[str], most
     for more bytes, and `ChoreographError` if the disk is full. Nothing is then left.
     """
     name = checked_name(unquote(request.headers.get("x-filename", "")), suffixes)
-    sent = folder / f".studio-{secrets.token_hex(8)}" / name
+    sent = folder / f"sent-{secrets.token_hex(8)}" / name
     n_bytes, done = 0, False
     try:
-        with writing(folder / name):
+        with writing(Path(name)):
             sent.parent.mkdir()
             with open(sent, "xb") as file:
                 async for chunk in request.stream():

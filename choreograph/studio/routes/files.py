@@ -77,7 +77,7 @@ def _add_characters(made: APIRouter, service: Service) -> None:
     @made.post("/api/character")
     async def send_character(request: Request) -> dict[str, Any]:
         """Dance with a character that is sent as bytes, its name in the header X-Filename."""
-        sent = await uploaded(request, desk.folder, CHARACTER_SUFFIXES, MOST_CHARACTER_BYTES)
+        sent = await uploaded(request, service.scratch, CHARACTER_SUFFIXES, MOST_CHARACTER_BYTES)
 
         def use(job: Job) -> None:
             with received(sent):

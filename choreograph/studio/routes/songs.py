@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ from fastapi.responses import FileResponse
 from choreograph.music.song import load_song
 from choreograph.studio.facts import waveform
 from choreograph.studio.jobs import Job
-from choreograph.studio.project_file import placed
+from choreograph.studio.project_file import placed, project_path
 from choreograph.studio.routes.bodies import received, uploaded
 from choreograph.studio.service import Service
 
@@ -27,7 +28,7 @@ def router(service: Service) -> APIRouter:
     @made.post("/api/song", status_code=202)
     async def send_song(request: Request, dance: bool = True) -> dict[str, Any]:
         """Open a song that is sent as bytes, its name in the header X-Filename. The job makes a dance."""
-        sent = await uploaded(request, desk.folder, SUFFIXES, MOST_BYTES)
+        sent = await uploaded(request, service.scratch, SUFFIXES, MOST_BYTES)
         job = service.change("song", lambda job: _open(service, sent, job, dance))
         return {"job": job.id}
 
@@ -51,7 +52,8 @@ def _open(service: Service, sent: Path, job: Job, dance: bool) -> None:
     with received(sent):
         job.report("reading the song", 0, 0)
         song = load_song(sent)
-        path = placed(sent, desk.folder)
+        # The project beside a free name would be that of another song, such as one with another suffix.
+        path = placed(sent, desk.folder, lambda path: os.path.lexists(project_path(path)))
     desk.open(path)
     service.restore_character()
     desk.load(replace(song, path=path, name=path.stem), job.report, with_dance=dance)
