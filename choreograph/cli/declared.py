@@ -57,7 +57,7 @@ def after_equals(text: str) -> str:
 class Input(click.Path):
     """A file or folder that a command reads.
 
-    `kind` says what is in it: see `BUDGETS` of `core.files`. A "motion", "takes" or a "character" is a file
+    `kind` says what is in it, such as a song. A "motion", "takes" or a "character" is a file
     of any format that is read. `inside` returns the path that a text may contain, or an empty text. Without
     it, the whole value is a path.
     """
