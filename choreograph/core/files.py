@@ -23,10 +23,10 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from choreograph.core.arguments import unexpected
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 
-MAX_TEXT_BYTES = 1 << 24  # of a plan, a list or another file that a person may read
-MAX_TABLE_BYTES = 1 << 22  # of a table, each row of which takes a hundred times its bytes
+MAX_TEXT_BYTES, MAX_TABLE_BYTES = (BUDGETS[kind].file_bytes for kind in ("text", "table"))
 _LONG_NAME_BYTES = 100  # of longer names, temporary files have a checksum
 _LONG_SUFFIX_BYTES = 16
 _NAME_MAX_BYTES = 255  # where the system does not state the limit
@@ -251,10 +251,11 @@ def read_bytes(path: str | Path, what: str, *, max_bytes: int = MAX_TEXT_BYTES) 
     path = check_regular(path, what)
     try:
         with open(path, "rb") as file:
-            data = file.read(max_bytes + 1)
+            is_larger = os.fstat(file.fileno()).st_size > max_bytes
+            data = b"" if is_larger else file.read(max_bytes + 1)
     except OSError as error:
         raise FormatError(f"{path}: expected {what}, could not read it: {error.strerror}") from error
-    if len(data) > max_bytes:
+    if is_larger or len(data) > max_bytes:
         raise FormatError(f"{path}: expected {what} of up to {max_bytes >> 20} MiB, got more: another file?")
     return data
 

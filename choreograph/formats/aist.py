@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, make_counts, numbers_in_bar
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_bytes, read_text
@@ -30,7 +31,7 @@ from choreograph.motion.motion import Credits, Motion, Take
 # Pickles of arrays.
 
 
-_MAX_BYTES = 1 << 26
+_MAX_BYTES = BUDGETS["pkl"].file_bytes
 
 
 def load_arrays(path: Path) -> dict[str, Any]:

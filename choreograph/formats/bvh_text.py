@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_bytes
 from choreograph.formats.writer import name_of_word
@@ -31,7 +32,6 @@ _SPACE = re.compile(r"\s")
 _MISSING = re.compile(r"[+-]?(?:\d+[.,]#[a-z]+\d*|nan(?:[qs]|\(\w*\))?)", re.IGNORECASE)
 _END_MARKS = "\x1a\0"  # ^Z of DOS, and padding to the size of a block
 _TIMING = re.compile(r"\s*Frames\s*:\s*(\S+)\s+Frame\s+Time\s*:\s*(\S+)", re.IGNORECASE)
-_MAX_BYTES = 1 << 29
 _BLOCK_LETTERS = 1 << 20
 _MISCOUNTED_FRAMES = 2  # programs count from 0, or leave out the rest pose
 _CHANNELLESS_JOINTS = 256  # beyond one joint for each channel: props, ends, fingers
@@ -61,7 +61,7 @@ def read_text(path: Path) -> str:
     """
     if not path.exists():
         raise ParameterError(f"no file {path}")
-    data = read_bytes(path, "a text file", max_bytes=_MAX_BYTES)
+    data = read_bytes(path, "a text file", max_bytes=BUDGETS["bvh"].file_bytes)
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         text = data.decode("utf-16", errors="replace")
     else:

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.core.numerics import Floats
@@ -35,7 +36,7 @@ _UNITS_M = {"mm": 0.001, "cm": 0.01, "m": 1.0, "in": 0.0254, "": 0.001}  # most 
 _ALIASES = {
     "LASI": "LFWT", "RASI": "RFWT", "LPSI": "LBWT", "RPSI": "RBWT", "LTIB": "LSHN", "RTIB": "RSHN",
 }  # fmt: skip
-_MAX_BYTES = 1 << 28
+_MAX_BYTES = BUDGETS["c3d"].file_bytes
 _ROOM_M = 1000.0
 _LONG_GAP_S = 0.25  # longer ones are noted
 _JUMP_FRAMES, _JUMP_M = 5, 0.02  # a sample that far from the median of that many frames is an error

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.formats import gltf
 from choreograph.formats.glb import GlbWriter
@@ -21,7 +22,7 @@ from choreograph.motion.motion import Credits, Motion, Take
 
 VARIABLE = "CHOREOGRAPH_BLENDER"
 _TIMEOUT_S = 600.0
-_MAX_BYTES = 1 << 30
+_MAX_BYTES = BUDGETS["fbx"].file_bytes
 
 
 def find_blender() -> tuple[str, ...] | None:

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_bytes
 from choreograph.core.numerics import Floats
@@ -37,7 +38,6 @@ from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_sk
 
 LAYOUT = "a dance of EDGE, LODGE, FACT or Bailando: a pickle or .npy of SMPL poses or joint positions"
 _SUFFIXES = (".pkl", ".npy")
-_MAX_BYTES = 1 << 28
 _PICKLE_FPS = 30.0
 _LONGEST_NAME = 40
 _BODY = 22  # joints before the hands
@@ -70,7 +70,9 @@ def _take(path: Path) -> Take:
 
 def _content(path: Path) -> Any:
     """The dictionary of a pickle, or the array or pickled dictionary of an .npy file. Runs no code of it."""
-    data = read_bytes(path, "a dance", max_bytes=_MAX_BYTES)
+    data = read_bytes(
+        path, "a dance", max_bytes=BUDGETS["pkl" if path.suffix.lower() == ".pkl" else "npy"].file_bytes
+    )
     if not data.startswith(MAGIC):
         return arrays_of(data)
     header = header_of(data)

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError
 from choreograph.core.files import without_garbage_collection
 from choreograph.formats.gltf_document import (
@@ -28,7 +29,7 @@ from choreograph.formats.gltf_document import (
     misfit,
 )
 
-MAX_BYTES = 1 << 30
+MAX_BYTES = BUDGETS["gltf"].file_bytes
 MAX_JSON_BYTES = 64 << 20
 _MAX_OBJECTS = 2_000_000  # in the JSON. Python needs up to 240 bytes for each
 _COMPRESSIONS = ("EXT_meshopt_compression", "KHR_meshopt_compression")  # also of animations and bind matrices

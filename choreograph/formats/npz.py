@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.formats.npy import array_of
@@ -22,7 +23,6 @@ LAYOUT = "a single NAME.npz written by this program"
 SUFFIXES = (".npz",)
 _NUMBERS = ("root_pos_m", "local_quat", "fps", "parents", "offsets_m", "tip_parents", "tips_m")
 _OPTIONAL = frozenset(("roles",))
-_MAX_BYTES = 1 << 30  # of the arrays, unpacked
 _FREE_BYTES, _UNPACKED_RATIO = 1 << 27, 16  # unpacked size by compression, which is low for motion
 _ROUNDED = 1e-6  # of a unit quaternion's length from 1
 _SHORTEST = 1e-3  # quaternion that has a direction
@@ -62,7 +62,7 @@ def load_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
             missing = [name for name in names if name not in entries]
             if missing:
                 raise FormatError(f"{path}: expected arrays {', '.join(names)}, got no {', '.join(missing)}")
-            limit = min(_MAX_BYTES, _FREE_BYTES + _UNPACKED_RATIO * path.stat().st_size)
+            limit = min(BUDGETS["npz"].unpacked_bytes, _FREE_BYTES + _UNPACKED_RATIO * path.stat().st_size)
             if sum(entries[name].file_size for name in names) > limit:
                 raise FormatError(f"{path}: expected at most {limit >> 20} MiB of arrays, got more")
             return {name: _array(archive, entries[name], path) for name in names}

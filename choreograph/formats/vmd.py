@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import check_regular
+from choreograph.core.files import read_bytes
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.vmd_body import (
     CENTRE,
@@ -75,9 +76,9 @@ def read_vmd(path: str | Path) -> tuple[Motion, tuple[str, ...]]:
     path = Path(path)
     if not path.exists():
         raise ParameterError(f"expected a VMD file at {path}, got nothing: there is no such file")
-    check_regular(path, "a VMD file")
+    data = read_bytes(path, "a VMD file", max_bytes=BUDGETS["vmd"].file_bytes)
     try:
-        reader = _Reader(parse_vmd(path.read_bytes()))
+        reader = _Reader(parse_vmd(data))
         return reader.motion(), reader.notes()
     except (FormatError, ParameterError) as error:
         raise FormatError(f"{path}: {error}") from None

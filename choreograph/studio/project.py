@@ -20,6 +20,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from choreograph.core.arguments import is_number, is_whole
+from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import without_garbage_collection
 from choreograph.plan import Plan, plan_text
@@ -30,8 +31,8 @@ FORMAT = "choreograph-studio"
 VERSION = 1
 SLOTS = ("A", "B")
 SHORTEST_LEFT_S = 0.05  # of a part that is kept or locked. Shorter ones are left out
-MOST_SIZE = 190_000_000  # of a project, as `_size_of` counts
-MOST_BYTES = MOST_SIZE // 3  # of its file, each byte of which counts three times
+MOST_SIZE = BUDGETS["project"].unpacked_bytes  # of a project, as `_size_of` counts
+MOST_BYTES = BUDGETS["project"].file_bytes
 _MOST_PLAN_SIZE = 100_000_000  # of one plan as JSON, only one of which is in memory: three hours of dance
 _MOST_PLAN_BYTES = _MOST_PLAN_SIZE // 3
 _VALUE_SIZE = 100  # of a comma or bracket of JSON: two of them make up {"a":0}, which takes most memory

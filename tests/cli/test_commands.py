@@ -12,7 +12,7 @@ import pytest
 import soundfile
 from command_line import assert_one_line, run
 from synthetic_motions import swaying
-from synthetic_repertoire import write_clicks
+from synthetic_repertoire import synthetic_contents, synthetic_takes, with_vocabulary, write_clicks
 
 import choreograph as cg
 from choreograph.choreography.graph.costs import Bars
@@ -21,6 +21,7 @@ from choreograph.core.settings import described
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.writing import write_repertoire
 from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, cost_names, load_config
 
 pytestmark = pytest.mark.slow
@@ -306,6 +307,15 @@ def test_counts_are_shown_written_and_imported_again(tmp_path):
     assert_one_line(run("inspect", built.path, "--counts", "c", "-o", tmp_path / "b.csv"), says="'c'")
     assert_one_line(run("inspect", built.path, "--counts", "a"), says="expected --output beside --counts")
     assert not (tmp_path / "b.csv").exists()
+
+
+def test_a_genre_without_takes_is_shown_without_a_distance(tmp_path, recwarn):
+    contents = with_vocabulary(synthetic_contents(synthetic_takes(genres="bb")), synthetic_takes(genres="ab"))
+    write_repertoire(tmp_path / "rep.h5", contents)
+    shown = run("inspect", tmp_path / "rep.h5")
+    assert shown.exit_code == 0 and "nan" not in shown.output and not recwarn.list
+    genres = json.loads(run("inspect", tmp_path / "rep.h5", "--json").stdout)["vocabulary"]["genres"]
+    assert genres["a"]["takes"] == 0 and genres["a"]["takes_to_template"] is None
 
 
 def test_help_names_both_sources_of_counted_takes():
