@@ -57,8 +57,9 @@ def after_equals(text: str) -> str:
 class Input(click.Path):
     """A file or folder that a command reads.
 
-    `kind` says what is in it, such as a "song" or a "plan". `inside` returns the path that a text may contain,
-    or an empty text. Without it, the whole value is a path. How large the files may be is in `core.budgets`.
+    `kind` says what is in it, such as a "song" or a "plan". `inside` returns the path that a text may
+    contain, or an empty text. Without it, the whole value is a path. How large files may be is in
+    `core.budgets`.
     """
 
     def __init__(self, kind: str, inside: Callable[[str], str] | None = None) -> None:
