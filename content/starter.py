@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from choreograph.cli.present import Command, examples, say, show_notes, stages
+from choreograph.cli.declared import Command, Output, option
+from choreograph.cli.present import examples, say, show_notes, stages
 from choreograph.core.files import atomic_path, check_apart, check_target, locked_folder
 from choreograph.core.numerics import one_thread
 from choreograph.core.progress import ProgressReport
@@ -77,13 +78,13 @@ def _built_starter(
     cls=Command,
     epilog=examples("python -m content.starter --preset tiny -o starter.h5"),
 )
-@click.option(
-    "--work", default="build/starter", show_default=True, type=click.Path(path_type=Path),
+@option(
+    "--work", default="build/starter", show_default=True, type=Output(),
     help="Folder of rendered takes and checkpoints.",
 )  # fmt: skip
-@click.option("--preset", default="small", show_default=True, metavar="tiny|small|paper")
-@click.option("--seed", default=0, show_default=True, type=click.IntRange(min=0))
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="Default: in the package.")
+@option("--preset", default="small", show_default=True, metavar="tiny|small|paper")
+@option("--seed", default=0, show_default=True, type=click.IntRange(min=0))
+@option("-o", "--output", type=Output(), help="Default: in the package.")
 def command(work, preset, seed, output) -> None:
     """Render the built-in takes and songs, train on them, and write the built-in repertoire."""
     from choreograph.library.builtin import STARTER_PATH

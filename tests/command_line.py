@@ -89,7 +89,8 @@ class _Watch:
 
 def _is_among(name: str, known: list[str]) -> bool:
     name = _NEW.sub("", name)
-    return any(name == one or name.startswith(one + os.sep) for one in known)
+    # Beside an output is its work folder, such as a.h5.build.
+    return any(name == one or name.startswith((one + os.sep, f"{one}.")) for one in known)
 
 
 _watch: _Watch | None = None

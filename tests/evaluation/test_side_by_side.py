@@ -54,7 +54,7 @@ def test_the_command_writes_the_page(tmp_path, song):
     result = run("evaluate", tmp_path / "a.bvh", tmp_path / "b.npz", song.path, "--page", page)
     assert result.exit_code == 0, result.output
     assert "From left: a.bvh, b.npz" in page.read_text(encoding="utf-8")
-    assert_one_line(run("evaluate", "--songs", tmp_path, "--page", page), says="DANCE files and a song")
+    assert_one_line(run("evaluate", "--songs", tmp_path, "--page", page), says="expected no --page beside")
     assert_one_line(
         run("evaluate", tmp_path / "a.bvh", song.path, "--page", tmp_path / "a.bvh"), says="a.bvh"
     )

@@ -116,7 +116,7 @@ def test_what_cannot_be_sent_is_said(tmp_path):
     assert_one_line(run("live", tmp_path / "none.mp3", *dance), says="none.mp3")
     assert_one_line(run("live"), says="expected a SONG, or --input")
     assert_one_line(run("live", song, "--pcm", "44100:2:s16"), says="expected no --pcm without --input")
-    assert_one_line(run("live", song, "--input", "-"), says="expected --input without SONG")
+    assert_one_line(run("live", song, "--input", "-"), says="expected no SONG beside --input")
     assert_one_line(run("live", "--input", "-", "--pcm", "mp3"), says="RATE:CHANNELS:ENCODING")
 
 

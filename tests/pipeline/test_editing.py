@@ -234,11 +234,11 @@ def test_from_the_command_line_with_named_times(made, repertoire, song, tmp_path
     )
     assert rendered.exit_code == 0, rendered.output
     for options, said in (
-        (("--swap", "1-2", "--keep", "4-6"), "and no --keep"),
-        (("--swap", "1-2", "--engine", "mixer"), "expected no --engine for an edit"),
+        (("--swap", "1-2", "--keep", "4-6"), "expected no --keep beside"),
+        (("--swap", "1-2", "--engine", "mixer"), "expected no --engine beside --swap"),
         (("--vary", "1"), "expected --vary FROM-TO"),
         (("--swap", "bar 99-bar 100"), "got bar 99"),
     ):
         assert_one_line(run(*asked, *options, "-o", tmp_path / "x.json"), says=said)
     alone = run("dance", song, "--db", repertoire.path, "--swap", "1-2", "-o", tmp_path / "x.json")
-    assert_one_line(alone, says="expected --existing FILE beside --swap")
+    assert_one_line(alone, says="expected --existing beside --swap")

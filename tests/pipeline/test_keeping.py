@@ -201,10 +201,10 @@ def test_from_the_command_line(old, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--keep", "0-6"), "expected an existing dance"),
+        (("--keep", "0-6"), "expected --existing beside --keep"),
         (("--existing", "old.txt", "--keep", "0-6"), "expected an existing dance as .bvh, .npz or .json"),
         (("--existing", "none.npz", "--keep", "0-6"), "none.npz"),
-        (("--existing", "old.npz"), "expected a part to keep"),
+        (("--existing", "old.npz"), "expected --keep, --swap"),
         (("--existing", "old.npz", "--keep", "0-6", "--fps", "30"), "leave out fps"),
         (("--existing", "old.npz", "--keep", "0-6", "--pin", "3=motif:1"), "move it into a gap"),
         (("--existing", "old.npz", "--keep", "0-6", "--duration", "10"), "is it to another song"),
