@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.counts import Counts, bars_of
+from choreograph.core.counts import UNKNOWN
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, Floats, Indices
-from choreograph.library.repertoire import Repertoire
+from choreograph.core.numerics import Floats, Indices
 from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
 from choreograph.library.words import checked_signature
-from choreograph.music.count_grids import accent_shifts_s
 
 # Goals for a whole dance: its motif signature and its motif transitions.
 
@@ -38,68 +36,6 @@ def motif_goal(
     row = vocabulary.genre_index(ALL_GENRES if genre is None else genre)
     shares = vocabulary.signatures[row] if signature is None else signature
     return MotifGoal(checked_signature(shares, vocabulary.n_motifs), vocabulary.transitions[row])
-
-
-# Positions of motion words in the bar. A word on count 1 needs a slot on the music's downbeat.
-
-
-UNKNOWN = 0
-_WITHIN = 0.15  # of a count's length. A word that is farther from a count is not on it
-_MANY = 100  # more than the counts of any bar
-
-
-def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> Indices:
-    """Position (N,) of the count at each time, 100 × the counts in its bar + its number.
-
-    Count 3 of a waltz therefore differs from count 3 of a bar of four. A bar that is not complete has the
-    metre of the counts. Between counts, the position is `UNKNOWN`.
-    """
-    found = np.full(len(times_s), UNKNOWN, np.int64)
-    if not counts.has_bars or len(counts) < 2:
-        return found
-    bar = bars_of(counts.numbers)  # (Q,)
-    length = np.bincount(bar)
-    length[[0, -1]] = counts.metre
-    position = _MANY * length[bar] + counts.numbers  # (Q,)
-    after = np.searchsorted(counts.times_s, times_s).clip(1, len(counts) - 1)  # (N,)
-    is_before = np.abs(counts.times_s[after - 1] - times_s) <= np.abs(counts.times_s[after] - times_s)
-    nearest = np.where(is_before, after - 1, after)  # (N,)
-    period_s = np.gradient(counts.times_s)[nearest]
-    on_count = np.abs(counts.times_s[nearest] - times_s) < _WITHIN * period_s
-    found[on_count] = position[nearest[on_count]]
-    return found
-
-
-def word_positions(vocabulary: Vocabulary, counts_of: Callable[[int], Counts]) -> Indices:
-    """Position in the bar (N,) at which every word begins. `counts_of` returns the counts of a take."""
-    positions = np.full(len(vocabulary.word_take), UNKNOWN, np.int64)
-    for take in np.unique(vocabulary.word_take):
-        words = vocabulary.words_of_take(int(take))
-        positions[words] = bar_positions(vocabulary.word_start_s[words], counts_of(int(take)))
-    return positions
-
-
-def count_numbers(positions: Indices) -> Indices:
-    """The number of the count (N,) at each position in the bar, 0 if it is not known."""
-    return positions % _MANY
-
-
-def accented_bounds_s(repertoire: Repertoire) -> AnyFloats:
-    """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
-
-    Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
-    instead, as in the time maps of the graph engine (`music.count_grids`).
-    """
-    v = repertoire.vocabulary
-    bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
-    for take in np.unique(v.word_take):
-        counts_s = repertoire.counts(int(take)).times_s
-        if len(counts_s) < 2:
-            continue
-        shifts_s = accent_shifts_s(repertoire.motion_beats_s(int(take)), counts_s)
-        own = v.word_take == take
-        bounds_s[own] += np.interp(bounds_s[own], counts_s, shifts_s, left=0.0, right=0.0)
-    return bounds_s
 
 
 def words_on_count(wanted: int, word_position: Indices, words: Indices) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from choreograph.choreography.motif_sequences import count_numbers
+from choreograph.core.counts import count_numbers
 from choreograph.core.numerics import Floats, Indices
 from choreograph.music.form import Form
 

@@ -17,19 +17,17 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.motif_sequences import (
-    UNKNOWN,
     MotifGoal,
     allowed_motifs,
-    bar_positions,
     draw_motifs_of_parts,
     draw_next_motif,
     lacking,
     possible_motifs,
-    word_positions,
     words_on_count,
 )
 from choreograph.choreography.passage_slots import PassageSlots, passage_slots
 from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.counts import UNKNOWN, bar_positions
 from choreograph.core.numerics import Floats, Indices, chi_square_distance, frame_blocks
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import Vocabulary
@@ -54,7 +52,7 @@ class TakeWords:
     def of(cls, repertoire: Repertoire) -> TakeWords:
         """The words of all takes. Raises `RepertoireError` if there are none."""
         vocabulary = repertoire.vocabulary
-        return cls(vocabulary, word_positions(vocabulary, repertoire.counts))
+        return cls(vocabulary, repertoire.word_positions)
 
     def runs(
         self, slot_position: Indices, takes: NDArray[np.bool_], allowed: NDArray[np.bool_]

@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from choreograph.choreography.edits import EditSlots
-from choreograph.choreography.motif_sequences import bar_positions
-from choreograph.core.counts import Counts
+from choreograph.core.counts import Counts, bar_positions
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import dance_bounds_s, poses_at

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.edits import EditSlots
 from choreograph.choreography.mixer.words import AROUND_S
-from choreograph.choreography.motif_sequences import UNKNOWN
 from choreograph.choreography.piece_bank import PieceBank, Surroundings
 from choreograph.choreography.piece_reasons import reasons
+from choreograph.core.counts import UNKNOWN
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.motion import rotations as rot

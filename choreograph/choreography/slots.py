@@ -10,13 +10,8 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, TakePin, excludes
 from choreograph.choreography.material import Material
-from choreograph.choreography.motif_sequences import (
-    UNKNOWN,
-    bar_positions,
-    shares_on_count,
-    word_positions,
-)
-from choreograph.core.counts import Counts
+from choreograph.choreography.motif_sequences import shares_on_count
+from choreograph.core.counts import UNKNOWN, Counts, bar_positions
 from choreograph.core.errors import ParameterError
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import Vocabulary
@@ -228,7 +223,7 @@ def _first_slot(
     if not motifs or not (slot_position != UNKNOWN).any():
         return 0
     vocabulary = repertoire.vocabulary
-    positions = word_positions(vocabulary, repertoire.counts)
+    positions = repertoire.word_positions
     n_compared = min(len(motifs), len(slot_position) - (_LATEST_SLOT - 1))
     if n_compared < _FEWEST_GIVEN:
         return 0

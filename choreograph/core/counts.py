@@ -134,6 +134,41 @@ def numbers_in_bar(n_counts: int, metre: int, *, first: int = 1) -> NDArray[np.i
     return (np.arange(n_counts) + first - 1) % metre + 1
 
 
+# Positions in the bar. A motion word that begins on count 1 needs a slot on the music's downbeat.
+
+
+UNKNOWN = 0
+_WITHIN = 0.15  # of a count's length. A word that is farther from a count is not on it
+_MANY = 100  # more than the counts of any bar
+
+
+def bar_positions(times_s: NDArray[np.floating], counts: Counts) -> NDArray[np.int64]:
+    """Position (N,) of the count at each time, 100 × the counts in its bar + its number.
+
+    Count 3 of a waltz therefore differs from count 3 of a bar of four. A bar that is not complete has the
+    metre of the counts. Between counts, the position is `UNKNOWN`.
+    """
+    found = np.full(len(times_s), UNKNOWN, np.int64)
+    if not counts.has_bars or len(counts) < 2:
+        return found
+    bar = bars_of(counts.numbers)  # (Q,)
+    length = np.bincount(bar)
+    length[[0, -1]] = counts.metre
+    position = _MANY * length[bar] + counts.numbers  # (Q,)
+    after = np.searchsorted(counts.times_s, times_s).clip(1, len(counts) - 1)  # (N,)
+    is_before = np.abs(counts.times_s[after - 1] - times_s) <= np.abs(counts.times_s[after] - times_s)
+    nearest = np.where(is_before, after - 1, after)  # (N,)
+    period_s = np.gradient(counts.times_s)[nearest]
+    on_count = np.abs(counts.times_s[nearest] - times_s) < _WITHIN * period_s
+    found[on_count] = position[nearest[on_count]]
+    return found
+
+
+def count_numbers(positions: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The number of the count (N,) at each position in the bar, 0 if it is not known."""
+    return positions % _MANY
+
+
 # Phases in the beat and in the bar, an input of the rollout network.
 #
 # Counts are continued before the first and after the last one at the tempo there.

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
-from choreograph.core.counts import Counts, Figure
+from choreograph.core.counts import UNKNOWN, Counts, Figure, bar_positions
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import digest
+from choreograph.core.numerics import Floats, Indices, digest
 from choreograph.core.progress import counted, cut_line, html_table
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.body_positions import stored_motion, stored_skeleton
@@ -30,6 +30,7 @@ from choreograph.library.take_counts import TakeCounts, TakeTempi
 from choreograph.library.vocabulary import Vocabulary, vocabulary_from
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
+from choreograph.music.count_grids import accent_shifts_s
 
 if TYPE_CHECKING:
     from choreograph.nets.inference import WordEmbedder
@@ -371,6 +372,33 @@ class Repertoire:
     def figures(self, take: int) -> tuple[Figure, ...]:
         """A take's figures in order, or none if they are not known."""
         return self._figures.get(self._take(take), ())
+
+    @cached_property
+    def word_positions(self) -> Indices:
+        """Position in the bar (W,) at which every word begins, as in `bar_positions`."""
+        v = self.vocabulary
+        positions = np.full(len(v.word_take), UNKNOWN, np.int64)
+        for take in np.unique(v.word_take):
+            words = v.words_of_take(int(take))
+            positions[words] = bar_positions(v.word_start_s[words], self.counts(int(take)))
+        return positions
+
+    @cached_property
+    def accented_bounds_s(self) -> Floats:
+        """The part (W, 2) of its take that each word dances, so that its accents lie on the beat (ours).
+
+        Words are cut on counts. If a take has its accents near the counts, words begin and end on the accents
+        instead, as in the time maps of the graph engine (`music.count_grids`).
+        """
+        v = self.vocabulary
+        bounds_s = np.stack([v.word_start_s, v.word_end_s], axis=1).astype(np.float64)
+        for take in np.unique(v.word_take):
+            counts_s = self.counts(int(take)).times_s
+            if len(counts_s) >= 2:
+                words = v.words_of_take(int(take))
+                shifts_s = accent_shifts_s(self.motion_beats_s(int(take)), counts_s)
+                bounds_s[words] += np.interp(bounds_s[words], counts_s, shifts_s, left=0.0, right=0.0)
+        return bounds_s
 
     def clip_start_s(self, clip: int) -> float:
         """Start of a clip in its take, in seconds."""

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from choreograph.choreography.motif_sequences import UNKNOWN, bar_positions, possible_motifs
-from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.choreography.motif_sequences import possible_motifs
+from choreograph.core.counts import NO_COUNTS, UNKNOWN, bar_positions, make_counts, numbers_in_bar
 
 
 @given(st.integers(2, 6), st.integers(1, 40), st.floats(0.3, 1.2), st.data())

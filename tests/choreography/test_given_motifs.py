@@ -9,9 +9,8 @@ import choreograph as cg
 from choreograph.choreography.constraints import make_constraints
 from choreograph.choreography.material import Material
 from choreograph.choreography.mixer.engine import sequence_notes
-from choreograph.choreography.motif_sequences import bar_positions, word_positions
 from choreograph.choreography.slots import resolve
-from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
+from choreograph.core.counts import NO_COUNTS, bar_positions, make_counts, numbers_in_bar
 
 STARTER = cg.starter_repertoire()
 
@@ -31,7 +30,7 @@ def test_it_begins_on_its_count_where_a_song_begins_within_a_bar(take, metre, nu
     motifs, resolved = given(take, counts)
     slots = bar_positions(resolved.bounds_s[:-1], counts)
     words = STARTER.vocabulary.words_of_take(STARTER.take_index(take))
-    of_take = word_positions(STARTER.vocabulary, STARTER.counts)[words]
+    of_take = STARTER.word_positions[words]
     first = resolved.first_given
     n_words = min(len(words), resolved.n_words - first)
     on_count = slots[first : first + n_words] == of_take[:n_words]

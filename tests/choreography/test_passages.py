@@ -14,7 +14,7 @@ from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.material import Material, SectionGoal, takes_of_genre
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import CandidatePool
-from choreograph.choreography.motif_sequences import UNKNOWN, MotifGoal, motif_goal
+from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
 from choreograph.choreography.passage_slots import passage_slots
 from choreograph.choreography.passages import (
     DancedSoFar,
@@ -27,7 +27,7 @@ from choreograph.choreography.passages import (
 from choreograph.choreography.rollout import engine as rollout
 from choreograph.choreography.rollout.generation import ASKED_DISTANCE
 from choreograph.choreography.slots import resolve
-from choreograph.core.counts import make_counts, numbers_in_bar
+from choreograph.core.counts import UNKNOWN, make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics.structure import n_gram_share
 from choreograph.library.builtin import starter_repertoire

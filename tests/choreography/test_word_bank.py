@@ -8,7 +8,6 @@ from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
 from choreograph.choreography.mixer.words import WordBank
-from choreograph.choreography.motif_sequences import accented_bounds_s
 from choreograph.library.words import poses_at
 
 
@@ -64,7 +63,7 @@ def test_the_margin_is_the_distance_to_the_next_motif_less_that_to_its_own(bank)
 
 def test_words_are_danced_from_accent_to_accent():
     starter = cg.starter_repertoire()
-    v, bounds_s = starter.vocabulary, accented_bounds_s(starter)
+    v, bounds_s = starter.vocabulary, starter.accented_bounds_s
     cut_s = np.stack([v.word_start_s, v.word_end_s], axis=1)
     assert 0.0 < np.abs(bounds_s - cut_s).max() <= 0.05 + 1e-9
     assert (np.diff(bounds_s, axis=1) > 0.1).all()
@@ -80,11 +79,11 @@ def test_words_are_danced_from_accent_to_accent():
 
 def test_words_that_follow_one_another_still_do():
     starter = cg.starter_repertoire()
-    v, bounds_s = starter.vocabulary, accented_bounds_s(starter)
+    v, bounds_s = starter.vocabulary, starter.accented_bounds_s
     follows = (v.word_take[1:] == v.word_take[:-1]) & np.isclose(v.word_start_s[1:], v.word_end_s[:-1])
     assert np.allclose(bounds_s[1:, 0][follows], bounds_s[:-1, 1][follows])
 
 
 def test_words_of_takes_without_accents_on_counts_stay(rep):
     v = rep.vocabulary
-    assert np.array_equal(accented_bounds_s(rep), np.stack([v.word_start_s, v.word_end_s], axis=1))
+    assert np.array_equal(rep.accented_bounds_s, np.stack([v.word_start_s, v.word_end_s], axis=1))

@@ -13,13 +13,9 @@ from numpy.typing import NDArray
 from choreograph.choreography.graph.cost import turned_costs
 from choreograph.choreography.graph.layers import facing, joined_rad, rotated
 from choreograph.choreography.graph.returns import beyond_stage_m
-from choreograph.choreography.motif_sequences import (
-    accented_bounds_s,
-    bar_positions,
-    word_positions,
-    words_on_count,
-)
+from choreograph.choreography.motif_sequences import words_on_count
 from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.core.counts import bar_positions
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
@@ -196,10 +192,10 @@ class CandidatePool:
         """The pool of a repertoire. Raises `RepertoireError` if it has no vocabulary."""
         vocabulary = repertoire.vocabulary
         embed = repertoire.word_net().embed
-        bounds_s, border_s = (None, INSIDE_S) if nearest else (accented_bounds_s(repertoire), AROUND_S)
+        bounds_s, border_s = (None, INSIDE_S) if nearest else (repertoire.accented_bounds_s, AROUND_S)
         bank = WordBank(vocabulary, repertoire.clip_motion.poses_at, embed, bounds_s, border_s)
         slots = bar_positions(constraints.bounds_s[:-1], constraints.counts)
-        positions = word_positions(vocabulary, repertoire.counts)
+        positions = repertoire.word_positions
         return cls(constraints, repertoire, bank, rng, slots, positions, nearest, costs)
 
     @property

@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.material import takes_of_genre
-from choreograph.choreography.motif_sequences import (
-    UNKNOWN,
-    bar_positions,
-    count_numbers,
-    draw_next_motif,
-    motif_goal,
-    possible_motifs,
-)
+from choreograph.choreography.motif_sequences import draw_next_motif, motif_goal, possible_motifs
 from choreograph.choreography.passage_slots import passage_stop
 from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_passage
 from choreograph.choreography.rollout.generation import (
@@ -26,7 +19,7 @@ from choreograph.choreography.rollout.generation import (
     check_skeleton,
 )
 from choreograph.core.arguments import as_index
-from choreograph.core.counts import Counts
+from choreograph.core.counts import UNKNOWN, Counts, bar_positions, count_numbers
 from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import DEFAULT_WORD_S, dance_bounds_s
