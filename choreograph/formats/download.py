@@ -289,8 +289,16 @@ def _copy(read: Callable[[int], bytes], target: Path, n_bytes: int, what: str) -
     """Copy as many bytes as stated. Raises `FormatError` if there are more."""
     done = 0
     with target.open("wb") as out:
-        while block := read(_BLOCK_BYTES):
+        while block := _block(read, what):
             done += len(block)
             if done > n_bytes:
                 raise FormatError(f"{what}: expected {n_bytes} bytes, got more")
             out.write(block)
+
+
+def _block(read: Callable[[int], bytes], what: str) -> bytes:
+    """The next bytes. The decoder of bzip2 raises `OSError`, which is not one of the file that is written."""
+    try:
+        return read(_BLOCK_BYTES)
+    except OSError as error:
+        raise FormatError(f"{what}: expected a ZIP file, got a damaged one: {error}") from error
