@@ -137,7 +137,7 @@ def numbers_in_bar(n_counts: int, metre: int, *, first: int = 1) -> NDArray[np.i
 # Positions in the bar. A motion word that begins on count 1 needs a slot on the music's downbeat.
 
 
-UNKNOWN = 0
+UNKNOWN = 0  # the position of a time that is on no count of a known bar
 _WITHIN = 0.15  # of a count's length. A word that is farther from a count is not on it
 _MANY = 100  # more than the counts of any bar
 

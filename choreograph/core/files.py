@@ -314,7 +314,7 @@ def sha256_of(path: str | Path) -> str:
 # Work folders, in which one process works at a time.
 
 
-_LOCK, _OWNER = "lock", "owner.json"
+LOCK_FILES = _LOCK, _OWNER = "lock", "owner.json"  # in a folder that is locked
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import read_text
+from choreograph.core.files import LOCK_FILES, read_text
 
 TABLE = Path(__file__).with_name("data_sets.toml")
 _SCHEMES = ("http", "https")
@@ -94,8 +94,11 @@ def _data_set(table: Path, name: str, entry: Any) -> DataSet:
     _check_inside(where, values["build"])
     _check_glob(where, values["layout"])
     found = DataSet(name=name, files=tuple(_file(where, file) for file in files), **values)
-    if len({file.name.casefold() for file in found.files}) < len(files):  # they lie in one folder
+    names = {file.name.casefold() for file in found.files}  # they lie in one folder, which is locked
+    if len(names) < len(files):
         raise FormatError(f"{where}: expected addresses that end in different names, got one name twice")
+    if taken := names.intersection(LOCK_FILES):
+        raise FormatError(f"{where}: expected no file named {min(taken)}, which locks the folder")
     return found
 
 

@@ -72,6 +72,8 @@ def test_a_table_of_ones_own(tmp_path):
         (MINE + FILE.replace("10", "9" * 5000), "in TOML"),
         ("a = " + "[" * 100_000, "in TOML"),
         (MINE + FILE + FILE, "one name twice"),
+        (MINE + FILE.replace("/a.zip", "/lock"), "locks the folder"),
+        (MINE + FILE.replace("/a.zip", "/Owner.json"), "locks the folder"),
         (MINE + FILE.replace('["*.bvh"]', "[]"), "expected keep"),
         *(
             (MINE + FILE.replace("/a.zip", end), "address of a file")
