@@ -14,7 +14,7 @@ import shutil
 import signal
 import tomllib
 import webbrowser
-from dataclasses import replace
+from dataclasses import asdict, fields, replace
 from itertools import pairwise
 from pathlib import Path
 from urllib.request import urlopen
@@ -30,6 +30,7 @@ from synthetic_studies import rate_all, read_key
 from test_rooms import MAY_IMPORT
 
 import choreograph as cg
+from choreograph import settings
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
 from choreograph.library import builtin
@@ -52,7 +53,7 @@ BUILD = "choreograph build-db takes/ -o library.h5 --preset tiny"
 BLOCK = re.compile(r"(?:^% not run: (\S[^\n]*)\n)?^```([^\n]*)\n(.*?)^```$", flags=re.S | re.M)
 COMMANDS = ("console", "sh", "")  # languages of blocks of commands
 OTHERS = ("pip install ", "make ", "blender ", "dask ", "arecord ")  # lines of other programs
-NOT_RUN = {"how-to/library.md": 2, "how-to/live.md": 1}  # commands
+NOT_RUN = {"how-to/library.md": 2, "how-to/live.md": 1, "how-it-works/papers.md": 4}  # commands
 LINK = re.compile(r"\]\(([^)\s#:]*)(?:#([^)\s]+))?\)")
 
 
@@ -219,6 +220,21 @@ def test_the_table_of_rooms_is_what_the_contracts_say():
         assert set(stated) == set(MAY_IMPORT[room]) - {""}, room
         above.append(room)
     assert set(above) == set(MAY_IMPORT) - {"", "__main__"}
+
+
+def test_the_page_of_the_papers_names_the_published_value_of_every_setting():
+    """The last column of its tables. Widths are those of the preset paper."""
+    rows = re.findall(r"^\|.*\| ([^|]*) \|$", PAGES["how-it-works/papers.md"].read_text("utf-8"), flags=re.M)
+    named = {pair for row in rows for pair in re.findall(r"(\w+)=([^`]+)`", row)}
+    engines = (settings.published_dance(engine) for engine in ("graph", "mixer", "rollout"))
+    dance = {(f.name, str(getattr(config, f.name))) for config in engines for f in fields(config)}
+    build = settings.published_build("paper")
+    built = asdict(configs.rollout_config("paper", **build["rollout_changes"]))
+    built |= build["style_changes"] | build["density_changes"] | build["rollout_changes"]
+    published = dance | {(name, str(value)) for name, value in (built | settings.WEIGHTS).items()}
+    assert len(named) > 15
+    plain = {(name, value.strip('"').capitalize().removesuffix(".0")) for name, value in named}
+    assert plain <= {(name, value.capitalize().removesuffix(".0")) for name, value in published}
 
 
 def test_figures_are_drawn_again_when_the_program_has_changed(tmp_path, monkeypatch):

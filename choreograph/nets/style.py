@@ -1,14 +1,15 @@
 """Music and motion style embeddings and the beat-count head (ChoreoGraph, section 3.1).
 
-As in the paper, each network has four convolutional (music) or spatio-temporal graph convolutional (motion)
-blocks, two GRU layers and one linear layer to 32 dimensions. A head of four linear layers predicts the number
-of motion beats from the style vector of the music.
+The network of music reads the rhythm of the 12 s around a second, relative to the counts of the song
+(`music.rhythm`), by one hidden layer and one linear layer to 32 dimensions. With `music_inputs="mel"`, it
+reads the log-mel of 4 s instead, as in the paper: by four convolutional blocks, two GRU layers and the linear
+layer. "mel+counts" reads both. The network of motion is that of the paper: four spatio-temporal graph
+convolutional blocks, two GRU layers and one linear layer read the body positions of 4 s. A head of four
+linear layers predicts the number of motion beats from the style vector of the music.
 
 Unlike in the paper, style vectors have unit length, so that distances always lie in [0, 2]. Features are
 batch-normalised before the linear layer. Without this, all vectors are almost equal at first and the
-contrastive loss has no gradient. `normalised=False` switches both off. The music network can also take the
-rhythm of the 12 s around the segment, relative to the counts of the song, or this alone (`music_inputs`,
-`music.rhythm`).
+contrastive loss has no gradient. `normalised=False` switches both off.
 """
 
 from __future__ import annotations

@@ -250,8 +250,8 @@ def dance(
 
     References
     ----------
-    ChoreoGraph, section 3. Rhythm is a Dancer, sections 4 and 5.2.5. The page "How it works" of the
-    documentation lists what differs.
+    ChoreoGraph, section 3. Rhythm is a Dancer, sections 4 and 5.2.5. The page "What differs from the papers"
+    of the documentation (docs/how-it-works/papers.md) lists part by part what is done differently.
 
     Examples
     --------
