@@ -55,9 +55,9 @@ from .pipeline.session import Session as Session
 from .pipeline.session import motifs_of as motifs_of
 from .pipeline.session import signature_of as signature_of
 from .pipeline.session import vary as vary
-from .plan import Plan as Plan
+from .plan.plan import Plan as Plan
+from .plan.scenes import ScenePlan as ScenePlan
 from .render.rendering import render as render
-from .scene_plan import ScenePlan as ScenePlan
 from .settings import DanceConfig as DanceConfig
 
 __all__ = [

@@ -17,7 +17,9 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.beats import onset_strength
 from choreograph.music.mel import log_mel
 from choreograph.music.song_features import motion_density, music_density
-from choreograph.render.rendering import assemble, plan_runs, take_motions
+from choreograph.plan.joins import take_motions
+from choreograph.plan.runs import plan_runs
+from choreograph.render.rendering import assemble
 from choreograph.view.motif_plots import write_motif_plots
 
 SONG_S = 30.0

@@ -31,7 +31,7 @@ from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.scores import physical_scores, weighted_mean
 from choreograph.evaluation.songs import EvaluatedSong, find_songs, read_experts
 from choreograph.music.beats import DEFAULT_TRACKER
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from research.variants import variants_named, with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")

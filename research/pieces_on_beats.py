@@ -22,11 +22,11 @@ from choreograph.music.count_grids import SongGrid, steady_times_s
 from choreograph.music.mel import log_mel
 from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
 from choreograph.music.song import Song
+from choreograph.plan.joins import MotionReader, time_transitions
+from choreograph.plan.runs import Run, with_transitions
 from choreograph.render.assembly import assemble
-from choreograph.render.held_poses import hold_ends
+from choreograph.render.dynamics import hold_ends
 from choreograph.render.rendering import lock_feet_at_joins
-from choreograph.render.runs import MotionReader, Run, with_transitions
-from choreograph.render.transitions import time_transitions
 
 # Pieces of takes laid on a song's beats count by count, one after another, as a choreography says.
 

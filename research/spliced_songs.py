@@ -24,7 +24,7 @@ import choreograph as cg
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
 from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from content.songs.known_songs import SPLICED_SONGS, SplicedSong
 from research import style_response
 

@@ -24,7 +24,7 @@ from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
 from choreograph.music.synthesis.song import STYLES, render_song, write_song
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from content.songs.known_songs import BENCHMARK_SONGS
 
 FPS = 60.0

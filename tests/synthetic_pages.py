@@ -10,8 +10,7 @@ import soundfile
 from synthetic_motions import swaying
 
 from choreograph.motion.motion import Credits, Motion
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedSecond
+from choreograph.plan.plan import Plan, PlannedSecond
 from choreograph.view.page import write_page
 
 TAKES = ("anna-waltz", "ben-house", "cleo-salsa")

@@ -29,8 +29,9 @@ from choreograph.motion.body import clips_to_root_frame
 from choreograph.music.song_features import motion_density
 from choreograph.nets.configs import DensityConfig, StyleConfig
 from choreograph.nets.density import MotionDensity
+from choreograph.plan.joins import take_motions
+from choreograph.plan.runs import plan_runs
 from choreograph.render.assembly import assemble
-from choreograph.render.rendering import plan_runs, take_motions
 from choreograph.settings import DEFAULT_WEIGHTS
 from research.swapped_net import ablated_nets
 from research.train_rollout_ablations import train

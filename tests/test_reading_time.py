@@ -46,7 +46,7 @@ from choreograph.formats.tables import read_counts
 from choreograph.motion.bone_map import read_bone_map
 from choreograph.music.beats import read_beats
 from choreograph.music.song import load_song
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.settings import load_config
 
 SIZES = (10_000, 100_000, 1_000_000, 10_000_000)  # bytes

@@ -23,8 +23,8 @@ from choreograph.core.progress import one_line
 from choreograph.core.timebase import parse_seconds
 from choreograph.library.words import checked_signature
 from choreograph.motion.motion import Credits
-from choreograph.plan import FORMAT as PLAN_FORMAT
-from choreograph.plan import Plan
+from choreograph.plan.plan import FORMAT as PLAN_FORMAT
+from choreograph.plan.plan import Plan
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import one_line
 from choreograph.library.words import dance_bounds_s
-from choreograph.plan import Plan
-from choreograph.plan_parts import TOUCH_S
+from choreograph.plan.plan import TOUCH_S, Plan
 
 # What can be asked for. Times are in seconds of the dance, and are moved to the nearest counts.
 

@@ -27,8 +27,7 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m, clips_to_root_frame
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import Plan, PlannedWord
 
 # The motif of each word of a rendered motion.
 

@@ -19,7 +19,7 @@ from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.arguments import check_choice, unexpected
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import NO_MEMORY, Memory
+from choreograph.core.numerics import NO_MEMORY, AnyFloats, Memory
 from choreograph.core.plugins import installed
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
@@ -27,8 +27,7 @@ from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import SHORTEST_STOP_S, Plan
-from choreograph.render.dynamics import amplitudes
+from choreograph.plan.plan import SHORTEST_STOP_S, Plan
 from choreograph.settings import ENGINE_GROUP, DanceConfig, settings_of
 
 # The built-in engines. Their modules import this one, so they are imported when `engines` is called.
@@ -39,6 +38,13 @@ BUILTIN_ENGINES = {
 }
 # The settings that every engine uses.
 COMMON_SETTINGS = settings_of("")
+# The dynamics of a dance by the energy of its song.
+LEAST_AMPLITUDE, GREATEST_AMPLITUDE = 0.5, 1.1
+_GAIN = 0.85  # of the amplitude, for the difference of the energy from the song's usual one
+_ACCENT = 0.5  # of a rise of the energy within 2 s, added to the energy of its first seconds
+_USUAL_PERCENTILE = 75  # of the energy, at which a dance has the size of the takes
+_NEARLY_USUAL = 0.1  # of the energy. A rise to a softer second is no accent
+_STEP = 0.05  # of amplitudes, so that a song of one loudness has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +132,22 @@ class DanceRequest:
             "front": config.front, "amplitudes": self._amplitudes, "stops_s": self._stops_s,
         }  # fmt: skip
         return Plan(**{**common, **parts})
+
+
+def amplitudes(energy: AnyFloats, strength: float, fixed: Collection[int] = ()) -> tuple[float, ...]:
+    """The amplitude of each second (S,) of a dance by the energy of its song (S,), none if all are 1.
+
+    It is 1 at the energy that a quarter of the song exceeds. A sudden rise is an accent of two seconds. The
+    `strength` is 1 for the full range, 0.5 to 1.1, and 0 for none. `fixed` seconds have the amplitude 1.
+    """
+    known = np.asarray(energy, np.float64)
+    before = np.concatenate([known[:1], known[:1], known])[: len(known)]  # 2 s ago
+    louder = known - np.percentile(known, _USUAL_PERCENTILE)
+    louder += _ACCENT * np.maximum(known - before, 0.0) * (louder > -_NEARLY_USUAL)
+    full = np.clip(1.0 + _GAIN * louder, LEAST_AMPLITUDE, GREATEST_AMPLITUDE)
+    scaled = np.round(np.round((1.0 + strength * (full - 1.0)) / _STEP) * _STEP, 2)
+    scaled[[second for second in fixed if second < len(scaled)]] = 1.0
+    return tuple(scaled.tolist()) if (scaled != 1.0).any() else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.settings import DanceConfig
 
 Mask = NDArray[np.bool_]

@@ -14,7 +14,7 @@ from choreograph.library.words import dance_bounds_s, poses_at
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Motion
 from choreograph.music.count_grids import accent_shifts_s
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 # The counts of all takes, on which pieces begin and end.
 

@@ -22,7 +22,7 @@ from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import PlannedWord
 
 # The pieces for the slots of an edit, and what they cost.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from choreograph.core.arguments import unexpected
 from choreograph.core.counts import counts_later_s, index_at
-from choreograph.scene_plan import DancerPart
+from choreograph.plan.scenes import DancerPart
 
 Kind = Literal["unison", "mirror", "canon", "call-and-response", "free"]
 _TEXT = re.compile(r"(unison|mirror|call-and-response|free)|canon:(\d{1,2})", re.IGNORECASE)

@@ -13,13 +13,12 @@ from choreograph.choreography.material import Material
 from choreograph.choreography.motif_sequences import shares_on_count
 from choreograph.core.counts import UNKNOWN, Counts, bar_positions
 from choreograph.core.errors import ParameterError
+from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import Vocabulary
 from choreograph.library.words import dance_bounds_s
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
-from choreograph.render.filled_gaps import stretch_frames
-from choreograph.render.rendering import LENGTH_SLACK_S
+from choreograph.plan.plan import LENGTH_SLACK_S, Plan
 
 # A dance with parts that are kept in another one.
 
@@ -45,8 +44,11 @@ class KeptDance:
     @property
     def frames(self) -> list[tuple[int, int]]:
         """Each stretch as its first frame, and the one after its last."""
-        spans_s = [(keep.start_s, keep.end_s) for keep in self.stretches]
-        return stretch_frames(spans_s, self.motion.fps, self.motion.n_frames)
+        fps, n_frames = self.motion.fps, self.motion.n_frames
+        return [
+            (seconds_to_frames(keep.start_s, fps), min(seconds_to_frames(keep.end_s, fps), n_frames))
+            for keep in self.stretches
+        ]
 
     @property
     def gaps_s(self) -> list[tuple[float, float]]:

@@ -19,7 +19,7 @@ from choreograph.core.counts import counts_later_s
 from choreograph.core.numerics import Floats
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.render.scene import ground_shift_m
+from choreograph.plan.scenes import ground_shift_m
 
 LEAST_GAP_M = 0.6  # between the capsules of two bodies, on the ground, however large they are
 MARGIN_M = 0.02  # for frames between those that are compared

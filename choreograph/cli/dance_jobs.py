@@ -21,7 +21,7 @@ from choreograph.settings import MAX_VARIATIONS
 if TYPE_CHECKING:
     from choreograph.cli.dance_options import FileOptions
     from choreograph.pipeline.dancing import Dance
-    from choreograph.plan import Plan
+    from choreograph.plan.plan import Plan
 
 # The files that `choreograph dance` writes for each song.
 

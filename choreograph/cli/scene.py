@@ -43,8 +43,8 @@ _planned = partial(option, modes=("",))
 
 
 def _defaults(given: Given) -> Iterator[Path]:
-    from choreograph.pipeline.scene_saving import scene_paths
-    from choreograph.scene_plan import MOST_DANCERS
+    from choreograph.pipeline.scenes import scene_paths
+    from choreograph.plan.scenes import MOST_DANCERS
 
     named = given["song"] or given["plan_path"]
     for path in default_names(named) if named else ():
@@ -138,7 +138,7 @@ def command(
     No two bodies come nearer than 0.6 m. The dancers come to their places at the borders of phrases.
     """
     from choreograph.pipeline.saving import options_used
-    from choreograph.pipeline.scene_saving import scene_paths
+    from choreograph.pipeline.scenes import scene_paths
 
     named = song or plan_path
     if named is None:
@@ -167,7 +167,7 @@ def command(
 
 
 def _n_dancers(asked: int, plan_path: Path | None) -> int:
-    from choreograph.scene_plan import MOST_DANCERS, ScenePlan
+    from choreograph.plan.scenes import MOST_DANCERS, ScenePlan
 
     if plan_path is not None:
         return len(ScenePlan.read(plan_path).dancers)
@@ -181,7 +181,7 @@ def _outputs(
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
     """The files to write, and a note if those by default were renamed, because they exist already."""
     from choreograph.pipeline.saving import is_saved_dance
-    from choreograph.pipeline.scene_saving import scene_paths
+    from choreograph.pipeline.scenes import scene_paths
 
     made: tuple[Path, ...] = () if given else default_names(named)
     if opened and given and not any(path.suffix.lower() == ".html" for path in given):
@@ -205,7 +205,7 @@ def _checked(outputs: tuple[Path, ...], n_dancers: int, has_characters: bool) ->
 
     Raises before any work if a file cannot be written, is an input, or none can hold what is asked for.
     """
-    from choreograph.pipeline.scene_saving import check_scene_outputs, scene_paths
+    from choreograph.pipeline.scenes import check_scene_outputs, scene_paths
 
     check_scene_outputs(outputs, n_dancers, characters=has_characters)
     written = [one for path in outputs for one in scene_paths(path, n_dancers, characters=has_characters)]
@@ -219,7 +219,7 @@ def _made(
     from choreograph.cli.characters import character_of
     from choreograph.library.builtin import as_repertoire
     from choreograph.pipeline.scenes import render_scene_plan, scene
-    from choreograph.scene_plan import ScenePlan
+    from choreograph.plan.scenes import ScenePlan
 
     repertoire = as_repertoire(options["db"])
     characters = [character_of(path, None) for path in options["character"]]

@@ -14,7 +14,7 @@ from choreograph.core.timebase import parse_seconds
 if TYPE_CHECKING:
     from choreograph.library.repertoire import Repertoire
     from choreograph.music.places import Places
-    from choreograph.plan import Plan
+    from choreograph.plan.plan import Plan
 
     _Floats = click.ParamType[float]
 else:
@@ -107,7 +107,7 @@ class SongTimes:
     @cached_property
     def _plan(self) -> Plan | None:
         """The plan of the existing dance, whose part of the song is danced, if there is one."""
-        from choreograph.plan import Plan
+        from choreograph.plan.plan import Plan
 
         is_plan = self._existing is not None and self._existing.suffix.lower() == ".json"
         return Plan.read(self._existing) if is_plan and self._existing is not None else None

@@ -13,9 +13,8 @@ from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
-from choreograph.render.rendering import plan_runs
-from choreograph.render.runs import Run
+from choreograph.plan.plan import Plan
+from choreograph.plan.runs import Run, plan_runs
 
 # The counts and figures of the takes, placed in a dance by the time maps of its plan.
 

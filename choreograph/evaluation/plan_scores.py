@@ -22,8 +22,8 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.form import Sections
 from choreograph.music.metrical_level import tempo_bpm
-from choreograph.plan import Plan
-from choreograph.render.rendering import plan_runs
+from choreograph.plan.plan import Plan
+from choreograph.plan.runs import plan_runs
 
 # Scores of a plan: its transitions, its repeats, and the variety, genre and speed of its takes.
 

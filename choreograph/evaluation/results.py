@@ -17,7 +17,7 @@ from choreograph.core.progress import one_line
 from choreograph.evaluation.plan_scores import DancedMotifs
 from choreograph.evaluation.scores import DancedPhases, Scores
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 # The metrics by family, as `metrics.toml` lists them.
 

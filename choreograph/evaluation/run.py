@@ -50,7 +50,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from choreograph.motion.motion import Credits, Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.music.song import Song
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import Plan, PlannedWord
 from choreograph.settings import DanceConfig
 from choreograph.view.page import write_page
 

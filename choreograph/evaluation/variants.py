@@ -24,8 +24,7 @@ from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance, dance
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedSecond
+from choreograph.plan.plan import Plan, PlannedSecond
 from choreograph.render.rendering import render
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from choreograph.choreography.constraints import MotifPin, Pin, TakePin
+from choreograph.choreography.engine import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
 from choreograph.core.arguments import is_number
 from choreograph.core.errors import FormatError
 from choreograph.live.osc import Message
-from choreograph.render.dynamics import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
 
 KINDS = ("genre", "energy", "pin", "seed")
 _PREFIX = "/dance/"

@@ -35,8 +35,8 @@ from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import dance_with
+from choreograph.render.dynamics import hold_ends
 from choreograph.render.filled_gaps import of_length
-from choreograph.render.held_poses import hold_ends
 
 KEPT_S = 4.0  # of the dance so far, before a part. Whole seconds, on which the engine compares poses
 FPS = STORE_FPS  # of the motion of parts

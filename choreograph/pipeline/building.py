@@ -21,7 +21,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Take
 from choreograph.music.synthesis.song import STYLES, render_song, write_song
 from choreograph.pipeline.dancing import dance
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.render.rendering import render
 
 if TYPE_CHECKING:

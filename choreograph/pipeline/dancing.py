@@ -53,11 +53,10 @@ from choreograph.pipeline.keeping import (
     read_existing,
 )
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.render.assembly import off_stage
 from choreograph.render.filled_gaps import Loop, looped
-from choreograph.render.first_part import FirstPart
-from choreograph.render.rendering import render_planned
+from choreograph.render.rendering import FirstPart, render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()

@@ -44,9 +44,10 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.figures import danced_figures
 from choreograph.pipeline.keeping import check_same_song, kept_file_plan, part_of, read_existing
 from choreograph.pipeline.rearranging import hold, moved_join, repetition
-from choreograph.plan_parts import TOUCH_S, PlannedEdit
+from choreograph.plan.joins import take_motions
+from choreograph.plan.plan import TOUCH_S, PlannedEdit
 from choreograph.render.assembly import off_stage
-from choreograph.render.rendering import take_motions, with_edit
+from choreograph.render.rendering import with_edit
 
 # Edits of a dance, one after another.
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from choreograph.core.counts import Figure, counts_later_s
 from choreograph.library.repertoire import Repertoire
-from choreograph.plan import Plan
-from choreograph.scene_plan import DancerPart
+from choreograph.plan.plan import Plan
+from choreograph.plan.scenes import DancerPart
 
 _SHORTEST_S = 0.25  # parts of a figure that are shorter say little of it
 

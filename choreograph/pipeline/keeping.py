@@ -22,10 +22,10 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
 from choreograph.music.song import Song, as_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit, PlannedWord, words_between
+from choreograph.plan.joins import take_motions
+from choreograph.plan.plan import Plan, PlannedEdit, PlannedWord, words_between
 from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
-from choreograph.render.rendering import render, render_planned, take_motions, with_edit
+from choreograph.render.rendering import render, render_planned, with_edit
 from choreograph.settings import DanceConfig
 
 _ATTEMPTS = 4  # with different seeds, to find a filling that needs little correction

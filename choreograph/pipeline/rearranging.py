@@ -13,8 +13,7 @@ from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits
-from choreograph.plan import Plan
-from choreograph.plan_parts import TOUCH_S, Block, PlannedEdit, PlannedWord, goes_on, words_between
+from choreograph.plan.plan import TOUCH_S, Block, Plan, PlannedEdit, PlannedWord, goes_on, words_between
 
 _NEAR_COUNTS = 1.0  # of a join, at most, from where it is asked for
 _TEMPO_S = 2.0  # of a take beside a join, whose mean speed the take keeps

@@ -28,9 +28,9 @@ from choreograph.formats.targets import TARGETS, TargetName, check_target_format
 from choreograph.formats.vmd import DANCE_MODEL, VmdWriter
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
-from choreograph.plan import FORMAT as PLAN_FORMAT
-from choreograph.plan import Plan
-from choreograph.scene_plan import FORMAT as SCENE_FORMAT
+from choreograph.plan.plan import FORMAT as PLAN_FORMAT
+from choreograph.plan.plan import Plan
+from choreograph.plan.scenes import FORMAT as SCENE_FORMAT
 
 if TYPE_CHECKING:
     from choreograph.view.page_data import PageCharacter

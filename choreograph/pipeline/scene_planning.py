@@ -28,9 +28,9 @@ from choreograph.motion.retargeting import leg_length_m
 from choreograph.motion.skeleton import Skeleton
 from choreograph.music.places import Places
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
+from choreograph.plan.scenes import HEIGHTS, DancerPart, PlannedDancer, ScenePlan
 from choreograph.render.scene import DancedParts, of_height, on_stage
-from choreograph.scene_plan import HEIGHTS, DancerPart, PlannedDancer, ScenePlan
 
 _USUAL_FLESH_M = 0.125  # of the mannequin, around its bones
 _USUAL_GIRTH = 1.25  # a body up to this is as wide as the mannequin

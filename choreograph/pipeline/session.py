@@ -32,7 +32,7 @@ from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
 from choreograph.pipeline.editing import as_dance
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.settings import MAX_VARIATIONS, DanceConfig, as_config
 
 # A song and a repertoire in memory, from which dances are made.

@@ -1,52 +1,37 @@
-"""Dynamics: a dance is smaller where its song is soft, larger where it is loud, and stops where it is silent.
+"""Dynamics of a dance: the size of its movements, and the poses that are held at both ends and in stops.
 
-Real ballroom dancers do not do this, and the papers have none of it. It is a choice of the choreographer, of
-the strength `DanceConfig.dynamics`. The size is planned for each second as an amplitude, 1 for the size of
-the takes. In a stop, a pose is held in the way of the poses at both ends of a dance.
+A dance is smaller where its song is soft, larger where it is loud, and stands still where it is silent. Real
+ballroom dancers do not do this, and the papers have none of it. It is a choice of the choreographer, of the
+strength `DanceConfig.dynamics`. The plan has an amplitude for each second, 1 for the size of the takes, and
+the times of the stops.
+
+A dancer who waits for the first count, or has finished, is never still. In a held pose, both feet are on the
+floor, the chest rises and falls with the breath, and the weight moves slowly between the feet. The first
+count is prepared: the dance is at full speed for half a second before it. The papers have no held poses.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from choreograph.core.filters import gaussian_filter, reach_of
-from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
-from choreograph.core.timebase import NET_FPS, frame_times_s
+from choreograph.core.numerics import Floats, frame_blocks
+from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
+from choreograph.motion.contacts import foot_sole_pos_m
 from choreograph.motion.foot_locking import SIDES, move_leg
 from choreograph.motion.kinematics import ancestors, forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.rigs import joint_roles
-from choreograph.render.held_poses import copied, eased_in
-from choreograph.render.runs import Run
+from choreograph.motion.skeleton import Skeleton
+from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
+from choreograph.plan.runs import eased_in
 
-LEAST_AMPLITUDE, GREATEST_AMPLITUDE = 0.5, 1.1
-_GAIN = 0.85  # of the amplitude, for the difference of the energy from the song's usual one
-_ACCENT = 0.5  # of a rise of the energy within 2 s, added to the energy of its first seconds
 _MEAN_POSE_S = 0.6  # standard deviation of the Gaussian that averages poses: about a count to each side
-_USUAL_PERCENTILE = 75  # of the energy, at which a dance has the size of the takes
-_NEARLY_USUAL = 0.1  # of the energy. A rise to a softer second is no accent
-_STEP = 0.05  # of amplitudes, so that a song of one loudness has none
 _KEPT_RAD = 0.8, 3.0  # excursions from the mean pose up to the first are scaled, and from the second on kept
-
-
-def amplitudes(energy: AnyFloats, strength: float, fixed: Collection[int] = ()) -> tuple[float, ...]:
-    """The amplitude of each second (S,) of a dance by the energy of its song (S,), none if all are 1.
-
-    It is 1 at the energy that a quarter of the song exceeds. A sudden rise is an accent of two seconds. The
-    `strength` is 1 for the full range, 0.5 to 1.1, and 0 for none. `fixed` seconds have the amplitude 1.
-    """
-    known = np.asarray(energy, np.float64)
-    before = np.concatenate([known[:1], known[:1], known])[: len(known)]  # 2 s ago
-    louder = known - np.percentile(known, _USUAL_PERCENTILE)
-    louder += _ACCENT * np.maximum(known - before, 0.0) * (louder > -_NEARLY_USUAL)
-    full = np.clip(1.0 + _GAIN * louder, LEAST_AMPLITUDE, GREATEST_AMPLITUDE)
-    scaled = np.round(np.round((1.0 + strength * (full - 1.0)) / _STEP) * _STEP, 2)
-    scaled[[second for second in fixed if second < len(scaled)]] = 1.0
-    return tuple(scaled.tolist()) if (scaled != 1.0).any() else ()
 
 
 def with_amplitudes(motion: Motion, amplitudes: Sequence[float]) -> Motion:
@@ -140,54 +125,265 @@ def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Iterator[Flo
         yield rot.multiply(mean_quat, rot.from_rotvec(of_joint[..., None] * excursion))
 
 
-# Stops: the dance stands still where its song is silent.
+# Held poses.
 
 
-STOP_EASE_S = 0.35  # in which a dance comes to rest, and in which it sets off
+_BREATHS_HZ = 0.31, 0.42  # while waiting, and out of breath at the end
+_BREATH_RAD = 0.04  # how far the chest rises
+_SWAYS_HZ = 0.31, 0.43  # of the weight to the side and to the front: never at rest in both
+_SWAYS_M = 0.06, 0.03
+_KNEES_M = 0.012  # how far the knees give way where the weight is on one side
+_ARMS_RAD = 0.04  # how far the arms give way to the breath
+_LIFTED_M = 0.03  # a foot that is higher is put down
+_STRETCH = 0.995  # of the leg, at most, to reach the floor
+_BESIDE_FRAMES = 64  # for a spline, in which the effect of a frame falls to a quarter with every other one
+_APART_M = 0.11  # ankles do not come closer to each other
 
 
-def with_stops(runs: Sequence[Run], stops_s: Sequence[tuple[float, float]]) -> list[Run]:
-    """The runs of a dance, which stands still from and until the times of each stop.
+def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
+    """The motion with a pose held before the first count, and one after the last count.
 
-    The run that is danced into a stop comes to rest, and continues after it from the pose in which it rests,
-    as much later as the stop is long. Its counts remain on the counts of the song, because a stop lasts whole
-    bars. If another run would begin during the stop, that run follows instead, when the dance sets off.
-    Stops in a locked run are left out.
+    `music.danced_span` determines how the dance begins and comes to rest. With `closing_s` None it has no
+    held end. Feet that are in the air in a held pose are put down on the floor, and the body breathes and
+    shifts its weight.
     """
-    stopped = list(runs)
-    for stop_s in stops_s:
-        stopped = _with_stop(stopped, *stop_s)
-    return stopped
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    if np.array_equal(played_times_s(times_s, opening_s, closing_s), times_s):
+        return motion
+    held = copied(motion)
+    hold_ends_in_place(held, opening_s, closing_s)
+    return held
 
 
-def _with_stop(runs: list[Run], rests_s: float, moves_s: float) -> list[Run]:
-    sets_off_s = moves_s - STOP_EASE_S
-    before = next((run for run in runs if run.start_s < rests_s <= run.stop_s), None)
-    after = next((run for run in runs if run.start_s <= sets_off_s < run.stop_s), None)
-    if before is None or after is None or before.locked or after.locked:
-        return runs
-    if before is after:
-        stopped = [_played(before, before.start_s, before.stop_s, rests_s, moves_s, moves_s - rests_s)]
-    else:
-        coming = _played(before, before.start_s, sets_off_s, rests_s, np.inf)
-        going = _played(after, sets_off_s, after.stop_s, -np.inf, moves_s)
-        stopped = [coming, replace(going, transition_s=STOP_EASE_S)]
-    return [
-        *(run for run in runs if run.start_s < before.start_s),
-        *stopped,
-        *(run for run in runs if run.start_s > after.start_s),
-    ]
+def copied(motion: Motion) -> Motion:
+    """The motion with arrays of its own."""
+    return replace(motion, root_pos_m=motion.root_pos_m.copy(), local_quat=motion.local_quat.copy())
 
 
-def _played(
-    run: Run, start_s: float, stop_s: float, rests_s: float, moves_s: float, later_s: float = 0.0
-) -> Run:
-    """The run from a start to a stop, at rest from and until two times, and then `later_s` later."""
-    times_s = np.linspace(start_s, stop_s, max(2, round((stop_s - start_s) * NET_FPS)) + 1)
-    sets_off_s = moves_s - STOP_EASE_S
-    slowing = np.clip((times_s - rests_s) / STOP_EASE_S + 1.0, 0.0, 1.0)
-    speeding = np.clip((times_s - sets_off_s) / STOP_EASE_S, 0.0, 1.0)
-    coming_s = np.minimum(times_s, rests_s - STOP_EASE_S) + STOP_EASE_S * (slowing - eased_in(slowing))
-    going_s = np.maximum(times_s, moves_s) - later_s - STOP_EASE_S * (0.5 - eased_in(speeding))
-    played_s = np.where(times_s < sets_off_s, coming_s, going_s)
-    return replace(run, start_s=start_s, stop_s=stop_s, source_times_s=run.source_s(played_s))
+@dataclass(frozen=True, eq=False)
+class Replaced:
+    """Frames of a motion as they were before they were changed in place."""
+
+    first: int
+    root_pos_m: Floats  # (n, 3)
+    local_quat: Floats  # (n, J, 4)
+
+    @staticmethod
+    def of(motion: Motion, frames: slice) -> Replaced:
+        """A copy of `frames`, of which `start` and `stop` are given."""
+        return Replaced(frames.start, motion.root_pos_m[frames].copy(), motion.local_quat[frames].copy())
+
+    def put_back(self, motion: Motion) -> None:
+        """Change the frames back. The signs of later rotations may stay opposite to what they were."""
+        frames = slice(self.first, self.first + len(self.root_pos_m))
+        motion.root_pos_m[frames], motion.local_quat[frames] = self.root_pos_m, self.local_quat
+
+
+def hold_ends_in_place(motion: Motion, opening_s: float, closing_s: float | None) -> list[Replaced]:
+    """As `hold_ends`, but it changes the arrays of `motion`. Returns the frames as they were, in order."""
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    played_s = played_times_s(times_s, opening_s, closing_s)
+    moved = np.flatnonzero(played_s != times_s)
+    if len(moved) == 0:
+        return []
+    parts = np.split(moved, np.flatnonzero(np.diff(moved) > 1) + 1)  # one or two
+    frames = [np.clip(played_s[part] * motion.fps, 0.0, motion.n_frames - 1) for part in parts]
+    played = [_played(motion, of_part) for of_part in frames]
+    replaced = [Replaced.of(motion, slice(int(part[0]), int(part[-1]) + 1)) for part in parts]
+    for part, held in zip(parts, played, strict=True):
+        motion.root_pos_m[part], motion.local_quat[part] = held.root_pos_m, held.local_quat
+    rot.make_continuous(motion.local_quat, out=motion.local_quat)
+    if opening_s > 0:
+        from_s, to_s = setting_off_s(opening_s)
+        share = 1.0 - _speed(_since(times_s, from_s, to_s))
+        replaced += _hold(motion, _Held(share, 0, _BREATHS_HZ[0], from_s))
+    if closing_s is not None:
+        from_s, to_s = coming_to_rest_s(opening_s, closing_s)
+        share = _speed(_since(times_s, from_s, to_s))
+        replaced += _hold(motion, _Held(share, motion.n_frames - 1, _BREATHS_HZ[1], to_s))
+    return replaced
+
+
+def _played(motion: Motion, frames: Floats) -> Motion:
+    """The poses at fractional `frames` (T',) by cubic splines through the frames beside them.
+
+    A frame that is further away than these changes a spline by less than the rounding of its values.
+    """
+    first = max(0, int(frames.min()) - _BESIDE_FRAMES)
+    part = motion.sliced(first, min(motion.n_frames, int(frames.max()) + _BESIDE_FRAMES))
+    return part.sampled_smooth(frames - first)
+
+
+def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float) -> Motion:
+    """The motion with the poses in which it stands still, from and until times, held as those at its ends.
+
+    It slows down and sets off within `ease_s` before both times.
+    """
+    if not stops_s:
+        return motion
+    held = copied(motion)
+    hold_stops_in_place(held, stops_s, ease_s)
+    return held
+
+
+def hold_stops_in_place(
+    motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float
+) -> list[Replaced]:
+    """As `hold_stops`, but it changes the arrays of `motion`, as `hold_ends_in_place` does."""
+    if not stops_s:
+        return []
+    times_s = frame_times_s(motion.n_frames, motion.fps)
+    rot.make_continuous(motion.local_quat, out=motion.local_quat)
+    replaced = []
+    for rests_s, moves_s in stops_s:
+        share = _speed(_since(times_s, rests_s - ease_s, rests_s))
+        share *= 1.0 - _speed(_since(times_s, moves_s - ease_s, moves_s))
+        frame = min(round(rests_s * motion.fps), motion.n_frames - 1)
+        replaced += _hold(motion, _Held(share, frame, _BREATHS_HZ[1], rests_s))
+    return replaced
+
+
+def played_times_s(times_s: Floats, opening_s: float, closing_s: float | None) -> Floats:
+    """The time of the dance that is played at each time (T,), which stands still while a pose is held."""
+    played_s = np.array(times_s)
+    if opening_s > 0:
+        from_s, to_s = setting_off_s(opening_s)
+        before = times_s < to_s
+        eased = eased_in(_since(times_s[before], from_s, to_s))
+        played_s[before] = to_s - (to_s - from_s) * (0.5 - eased)
+    if closing_s is not None:
+        from_s, to_s = coming_to_rest_s(opening_s, closing_s)
+        after = times_s > from_s
+        since = _since(times_s[after], from_s, to_s)
+        played_s[after] = from_s + (to_s - from_s) * (since - eased_in(since))
+    return played_s
+
+
+def _since(times_s: Floats, from_s: float, to_s: float) -> Floats:
+    """How much of a span has passed at each time, 0 to 1."""
+    return np.clip((times_s - from_s) / (to_s - from_s), 0.0, 1.0)
+
+
+def _speed(since: Floats) -> Floats:
+    """The speed of `eased_in`, 0 to 1."""
+    return since * since * (3.0 - 2.0 * since)
+
+
+@dataclass(frozen=True, eq=False)
+class _Held:
+    """A pose that is held."""
+
+    share: Floats  # (T,) 1 where it is held, 0 where the dance is at full speed
+    frame: int  # at which it is held
+    breath_hz: float
+    from_s: float  # at which the movement of breath and weight passes through zero
+
+
+def _hold(motion: Motion, pose: _Held) -> list[Replaced]:
+    """Change roots and rotations of a motion to a pose that is held. Returns the frames as they were.
+
+    It stands on both feet, breathes and shifts its weight. The signs of rotations remain continuous.
+    """
+    held = np.flatnonzero(pose.share > 0)
+    if len(held) == 0:
+        return []
+    part = slice(int(held[0]), int(held[-1]) + 1)
+    roots, quats, replaced = motion.root_pos_m, motion.local_quat, Replaced.of(motion, part)
+    share, frame = pose.share[part, None], pose.frame - part.start
+    phase_s = frame_times_s(motion.n_frames, motion.fps)[part] - pose.from_s
+    skeleton, roles = motion.skeleton, joint_roles(motion.skeleton)
+    root_pos_m, local_quat = roots[part].copy(), quats[part].copy()
+    pos_m, before_quat = forward(skeleton, root_pos_m, local_quat)
+    steps = {side: _step_down(skeleton, roles, side, pos_m[frame], before_quat[frame]) for side in SIDES}
+    root_pos_m += share * _sway_m(pos_m[frame], roles, phase_s)
+    _breathe(local_quat, roles, share[:, 0], phase_s, pose.breath_hz)
+    moved_m, global_quat = forward(skeleton, root_pos_m, local_quat)
+    for side in SIDES:
+        ankle, step = roles[f"{side}_ankle"], steps[side]
+        foot = [joint for joint in range(skeleton.n_joints) if ankle in ancestors(skeleton, joint)]
+        for joint in foot:  # the foot stays, or is laid flat on the floor
+            flat = rot.multiply(step.turn, before_quat[:, joint])
+            global_quat[:, joint] = rot.slerp(before_quat[:, joint], flat, share[:, 0])
+        move_leg(skeleton, roles, side, moved_m, global_quat, pos_m[:, ankle] + share * step.shift_m)
+    for block in frame_blocks(len(global_quat)):
+        global_quat[block] = to_local(skeleton, global_quat[block])
+    roots[part], quats[part] = root_pos_m, global_quat
+    near = quats[max(part.start - 1, 0) : part.stop]
+    rot.make_continuous(near, out=near)
+    if part.stop < len(quats):
+        flipped = np.sum(near[-1] * quats[part.stop], axis=-1) < 0  # (J,)
+        if flipped.any():
+            quats[part.stop :] *= np.where(flipped, -1.0, 1.0)[:, None]
+    return [replaced]
+
+
+def _sway_m(pose_m: Floats, roles: dict[str, int], phase_s: Floats) -> Floats:
+    """How far the body is from the pose (J, 3), (T, 3): to the side, to the front, and lower at the sides."""
+    aside = (pose_m[roles["left_hip"]] - pose_m[roles["right_hip"]]) * [1.0, 0.0, 1.0]
+    aside /= max(float(np.linalg.norm(aside)), 1e-6)
+    ahead = np.array([-aside[2], 0.0, aside[0]])
+    side_m, front_m = (
+        size_m * np.sin(2 * np.pi * hz * phase_s) for size_m, hz in zip(_SWAYS_M, _SWAYS_HZ, strict=True)
+    )
+    sway_m: Floats = side_m[:, None] * aside + front_m[:, None] * ahead
+    sway_m[:, 1] -= _KNEES_M * (side_m / _SWAYS_M[0]) ** 2
+    return sway_m
+
+
+def _breathe(
+    local_quat: Floats, roles: dict[str, int], share: Floats, phase_s: Floats, breath_hz: float
+) -> None:
+    """Let the chest of local rotations (T, J, 4) rise and fall. The head stays upright, the arms give way."""
+    breath = share * np.sin(2 * np.pi * breath_hz * phase_s)  # (T,)
+    turns = {
+        "spine3": [-_BREATH_RAD, 0.0, 0.0],
+        "neck": [0.7 * _BREATH_RAD, 0.0, 0.0],
+        "left_shoulder": [0.0, 0.0, _ARMS_RAD],
+        "right_shoulder": [0.0, 0.0, -_ARMS_RAD],
+    }
+    for name, turn in turns.items():
+        if name in roles:
+            joint = roles[name]
+            local_quat[:, joint] = rot.multiply(
+                local_quat[:, joint], rot.from_rotvec(breath[:, None] * np.array(turn))
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """How a foot of a held pose is put down: nothing for one that stands."""
+
+    shift_m: Floats  # (3,) of the ankle
+    turn: Floats  # (4,) of the foot
+
+
+_STANDS = _Step(np.zeros(3), rot.IDENTITY)
+
+
+def _step_down(
+    skeleton: Skeleton, roles: dict[str, int], side: str, pose_m: Floats, global_quat: Floats
+) -> _Step:
+    """How a foot of a pose, (J, 3) and (J, 4), gets to the floor: down, and in as far as the leg requires."""
+    sole_m = foot_sole_pos_m(skeleton, pose_m[None], global_quat[None], side)[0]
+    if sole_m[:, 1].min() <= _LIFTED_M:
+        return _STANDS
+    hip, knee, ankle = (roles[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+    other = pose_m[roles[f"{'right' if side == 'left' else 'left'}_ankle"]]
+    turn = rot.multiply(rot.about_y(rot.yaw(global_quat[ankle])), rot.invert(global_quat[ankle]))
+    flat_m = pose_m[ankle] + rot.rotate(turn, sole_m - pose_m[ankle])
+    target = pose_m[ankle] * [1.0, 0.0, 1.0]
+    target[1] = pose_m[ankle][1] - flat_m[:, 1].min()  # the ankle over a sole on the floor
+    leg_m = sum(float(np.linalg.norm(pose_m[a] - pose_m[b])) for a, b in ((hip, knee), (knee, ankle)))
+    reach_m = np.sqrt(max((_STRETCH * leg_m) ** 2 - (pose_m[hip][1] - target[1]) ** 2, 1e-4))
+    target[[0, 2]] = _within(target[[0, 2]], pose_m[hip][[0, 2]], reach_m)
+    apart = target[[0, 2]] - other[[0, 2]]
+    if np.linalg.norm(apart) < _APART_M:  # beside the standing foot, on its own side
+        aside = (pose_m[hip] - pose_m[roles["pelvis"]])[[0, 2]]
+        target[[0, 2]] = other[[0, 2]] + _APART_M * aside / max(float(np.linalg.norm(aside)), 1e-6)
+    return _Step(target - pose_m[ankle], turn)
+
+
+def _within(place: Floats, middle: Floats, radius_m: float) -> Floats:
+    """A place on the floor (2,), moved towards `middle` (2,) to at most `radius_m` from it."""
+    away = place - middle
+    return middle + away * min(1.0, radius_m / max(float(np.linalg.norm(away)), 1e-9))

@@ -17,8 +17,8 @@ from choreograph.motion.body import body_pos_m, clips_to_root_frame, heading_rad
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import lock_feet
 from choreograph.motion.motion import Motion
-from choreograph.render.runs import SampledRun, alignment_at
-from choreograph.render.transitions import blend_transition
+from choreograph.plan.joins import SampledRun, alignment_at
+from choreograph.render.assembly import blend_transition
 
 # Gaps of a dance are filled with other motion that meets the kept parts on both sides.
 #
@@ -64,12 +64,6 @@ def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Mot
     for first, stop in stretches:
         quat[first:stop] = kept.local_quat[first:stop]
     return replace(filled, local_quat=quat)
-
-
-def stretch_frames(spans_s: Sequence[tuple[float, float]], fps: float, n_frames: int) -> list[Frames]:
-    """Spans of a motion of `n_frames` frames, each as its first frame and the one after its last."""
-    pairs = ((seconds_to_frames(start_s, fps), seconds_to_frames(end_s, fps)) for start_s, end_s in spans_s)
-    return [(first, min(stop, n_frames)) for first, stop in pairs]
 
 
 def of_length(motion: Motion, n_frames: int) -> Motion:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,33 +19,32 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit, PlannedWord, held_spans_s
-from choreograph.render.assembly import assemble
-from choreograph.render.dynamics import STOP_EASE_S, scale_in_place, with_stops
-from choreograph.render.filled_gaps import fill_gaps, of_length
-from choreograph.render.first_part import FirstPart, part_of_plan
-from choreograph.render.held_poses import Replaced, copied, hold_ends_in_place, hold_stops_in_place
-from choreograph.render.runs import (
-    MotionReader,
-    RecentRuns,
+from choreograph.plan.joins import MotionReader, RecentRuns, RunSampler, sample_run, take_motions
+from choreograph.plan.plan import LENGTH_SLACK_S, Plan, PlannedEdit, PlannedWord, held_spans_s
+from choreograph.plan.runs import (
+    STOP_EASE_S,
     Run,
-    RunSampler,
-    TransitionTiming,
     overlay_runs,
-    sample_run,
-    to_runs,
-    with_transitions,
+    plan_runs,
+    runs_of_words,
+    with_stops,
     without_holes,
-    words_to_runs,
 )
-from choreograph.render.transitions import Joins
+from choreograph.render.assembly import Joins, assemble
+from choreograph.render.dynamics import (
+    Replaced,
+    copied,
+    hold_ends_in_place,
+    hold_stops_in_place,
+    scale_in_place,
+    scaled_root,
+)
+from choreograph.render.filled_gaps import fill_gaps, of_length
 
 # Rendering of a plan to its motion.
 
 
 _STEPS = 100  # of its progress
-LENGTH_SLACK_S = 0.1  # the first and last frames of a take, or of an existing dance, are repeated so long
 
 
 @default_numerics()
@@ -181,7 +180,7 @@ def render_from(
 # Edits, which are rendered with some of the dance beside them, so that a long dance does not take longer.
 
 
-_BESIDE_S = 2.0  # of the dance on either side of an edit
+_BESIDE_S = 2.0  # of the dance on either side of a part, on which its amplitudes and locked feet depend
 
 
 def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: MotionReader) -> Motion:
@@ -195,7 +194,7 @@ def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: Motion
     begin = min(seconds_to_frames(from_s, fps), first)
     end = min(n_frames, seconds_to_frames(edit.end_s + _BESIDE_S, fps))
     window = _window(plan, edit, from_s, (end - begin) / fps)
-    runs = without_holes(_runs_of_words(window.words), window.duration_s)
+    runs = without_holes(runs_of_words(window.words), window.duration_s)
     made, joins = assemble(
         with_stops(runs, window.stops_s), read_motion, fps=fps, duration_s=window.duration_s,
         blending=plan.blending, stage=plan.stage, to_front=plan.front == "audience",
@@ -351,47 +350,82 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
     for word in words:
         repertoire.take_index(word.take)
     knots_s = np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1)
-    runs = overlay_runs([Run("", 0.0, end_s, knots_s)], _runs_of_words(words))
+    runs = overlay_runs([Run("", 0.0, end_s, knots_s)], runs_of_words(words))
     made, joins = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
     return lock_feet_at_joins(made, joins)
 
 
-def plan_runs(plan: Plan) -> list[Run]:
-    """The runs of a plan without edits: seconds with transitions, words in place of them, and stops."""
-    runs = overlay_runs(timed_runs_of_seconds(plan), _runs_of_words(plan.words))
-    return with_stops(runs, plan.stops_s)
+# A part of a dance that is shown before all of it is rendered: the one near the playhead of a page.
 
 
-def timed_runs_of_seconds(plan: Plan) -> list[Run]:
-    """The runs of a plan's seconds with their transitions."""
-    seconds = runs_of_seconds(plan)
-    firsts = [plan.seconds[round(run.start_s)] for run in seconds]
-    timings = [TransitionTiming(first.start_s, first.transition_s) for first in firsts]
-    return with_transitions(seconds, timings)
+@dataclass(frozen=True)
+class FirstPart:
+    """The part of a dance from one time to another, and what gets its motion, with the time of its start.
+
+    The part is that of the finished dance, except that its floor and the shifts of its feet are found without
+    the rest of the dance. They differ by some millimetres. It may be shown before a search has ended that
+    rarely changes the dance.
+    """
+
+    start_s: float
+    end_s: float
+    tell: Callable[[Motion, float], None]
+
+    def runs_of(self, runs: Sequence[Run]) -> Sequence[Run]:
+        """The runs of a dance until after the part, which are assembled first, if they are few."""
+        later = (index for index, run in enumerate(runs) if run.start_s > self.end_s + 2 * _BESIDE_S)
+        n_needed = next(later, len(runs)) + 1
+        return runs[:n_needed] if n_needed <= len(runs) / 2 else ()
+
+    def show_rendered(self, motion: Motion) -> None:
+        """Tell of the part of a dance that is rendered already."""
+        first = seconds_to_frames(self.start_s, motion.fps)
+        stop = min(motion.n_frames, seconds_to_frames(self.end_s, motion.fps))
+        if first < stop:
+            self.tell(copied(motion.sliced(first, stop)), first / motion.fps)
+
+    def show(
+        self, motion: Motion, joins: Joins, plan: Plan, finish: Callable[[Motion, Joins, Plan], Motion]
+    ) -> None:
+        """Finish the part of a dance, assembled until after it or to its end, and tell of it.
+
+        `motion` stays as it is. `finish` adds the dynamics of a plan to a motion and locks its feet.
+        """
+        fps, n_frames = motion.fps, motion.n_frames
+        from_s = _beside_s(plan, self.start_s)
+        begin, first = seconds_to_frames(from_s, fps), seconds_to_frames(self.start_s, fps)
+        stop = min(n_frames, seconds_to_frames(self.end_s, fps))
+        end = min(n_frames, seconds_to_frames(self.end_s + _BESIDE_S, fps))
+        if first >= stop:
+            return
+        part = copied(motion.sliced(begin, end))
+        window = part_of_plan(plan, from_s, part.duration_s)
+        whole_m = scaled_root(motion.root_pos_m, plan.amplitudes, fps)[first]
+        shift_m = whole_m - scaled_root(part.root_pos_m, window.amplitudes, fps)[first - begin]
+        made = finish(part, joins.between(begin, end, fps), window).sliced(first - begin, stop - begin)
+        moved_m = made.root_pos_m + shift_m * np.array([1.0, 0.0, 1.0])  # on the ground
+        self.tell(replace(made, root_pos_m=moved_m), first / fps)
 
 
-def _runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
-    return words_to_runs(
-        [word.take for word in words],
-        np.array([(word.start_s, word.end_s) for word in words]),
-        np.array([(word.source_start_s, word.source_end_s) for word in words]),
-        [word.pinned for word in words],
-        [word.mirrored for word in words],
-    )
+def _beside_s(plan: Plan, start_s: float) -> int:
+    """From when a part needs the dance, a whole second, for the amplitudes. Held poses are not cut."""
+    rests_s, _ = coming_to_rest_s(plan.opening_s, plan.danced_until_s)
+    held_s = (0.0, setting_off_s(plan.opening_s)[1]), *plan.stops_s, (rests_s, plan.duration_s)
+    from_s = start_s - _BESIDE_S
+    for begins_s, ends_s in reversed(held_s):
+        if begins_s - _BESIDE_S < from_s < ends_s + STOP_EASE_S:
+            from_s = begins_s - _BESIDE_S
+    return max(0, int(from_s))
 
 
-def runs_of_seconds(plan: Plan) -> list[Run]:
-    """The runs of a plan's seconds, each starting on its second, before transitions move it."""
-    return to_runs([s.take for s in plan.seconds], [s.source_times_s for s in plan.seconds])
-
-
-def take_motions(repertoire: Repertoire) -> MotionReader:
-    """Reads parts of the repertoire's takes by name, turned so that each take's front is the audience's."""
-    indices = {take.name: index for index, take in enumerate(repertoire.takes)}
-    fronts_rad = repertoire.clip_motion.fronts_rad
-
-    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
-        motion, first_s = repertoire.motion(indices[take], start_s, stop_s)
-        return motion.moved(yaw_rad=-float(fronts_rad[indices[take]])), first_s
-
-    return read
+def part_of_plan(plan: Plan, from_s: int, duration_s: float) -> Plan:
+    """What the dynamics of a part of a plan need: its held poses and amplitudes, from `from_s` on."""
+    closing_s = plan.danced_until_s - from_s
+    stops_s = [(rests_s - from_s, moves_s - from_s) for rests_s, moves_s in plan.stops_s]
+    return replace(
+        plan, seconds=(), words=(), edits=(), duration_s=duration_s,
+        opening_s=max(0.0, plan.opening_s - from_s),
+        closing_s=closing_s if closing_s < duration_s else None,
+        stops_s=tuple(span_s for span_s in stops_s if span_s[0] > STOP_EASE_S and span_s[1] < duration_s),
+        amplitudes=plan.amplitudes[from_s:],
+    )  # fmt: skip

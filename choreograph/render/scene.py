@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from choreograph.core.counts import counts_later_s
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, frame_times_s
 from choreograph.motion.body import body_pos_m
@@ -22,14 +20,12 @@ from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
 from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
+from choreograph.plan.runs import Run
+from choreograph.plan.scenes import DancerPart, PlannedDancer, ScenePlan, ground_shift_m
 from choreograph.render.assembly import assemble
 from choreograph.render.rendering import with_dynamics
-from choreograph.render.runs import Run
-from choreograph.scene_plan import DancerPart, PlannedDancer, ScenePlan
 
-_STANDING_SHARE = 0.04  # of the speed over the ground, while both feet stand
-_MOBILE_EASE_S = 0.1  # standard deviation of the Gaussian that smooths whether they do
 _SAME_M = 1e-9
 
 
@@ -78,33 +74,6 @@ def of_height(motion: Motion, height: float) -> Motion:
     skeleton = motion.skeleton
     sized = replace(skeleton, offsets_m=skeleton.offsets_m * height, tips_m=skeleton.tips_m * height)
     return replace(motion, skeleton=sized, root_pos_m=motion.root_pos_m * height)
-
-
-def ground_shift_m(motion: Motion, contacts: Floats, times_s: Floats, places_m: Floats) -> Floats:
-    """The shift (T, 2) on the ground with which the root is at `places_m` (K, 2) at the times (K,).
-
-    Between two times, the shift changes in proportion to how free the feet are, with `contacts` (T, 4).
-    """
-    frames = np.clip(np.round(times_s * motion.fps).astype(np.int64), 0, motion.n_frames - 1)
-    shift_m = places_m - motion.root_pos_m[frames][:, [0, 2]]  # (K, 2)
-    way = np.empty((motion.n_frames, 2))
-    way[: frames[0]], way[frames[-1] :] = shift_m[0], shift_m[-1]
-    free = _freedom(contacts, motion.fps)
-    for index, (first, stop) in enumerate(pairwise(frames.tolist())):
-        if first == stop:
-            continue
-        done = np.concatenate([[0.0], np.cumsum(free[first:stop])])
-        share = done[:-1] / done[-1]
-        eased = share * share * (3.0 - 2.0 * share)
-        way[first:stop] = shift_m[index] + eased[:, None] * (shift_m[index + 1] - shift_m[index])
-    return way
-
-
-def _freedom(contacts: Floats, fps: float) -> Floats:
-    """How fast a body may be moved over the ground at each frame (T,): slowly while both feet stand."""
-    standing = np.maximum(contacts[:, ::2], contacts[:, 1::2])  # (T, 2) of each foot
-    free = _STANDING_SHARE + (1.0 - standing[:, 0] * standing[:, 1])
-    return gaussian_filter(free, _MOBILE_EASE_S * fps)
 
 
 # What a dancer dances, joined as the takes of a dance are.

@@ -24,10 +24,10 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import edit
 from choreograph.pipeline.figures import danced_figures
-from choreograph.plan_parts import PlannedEdit
+from choreograph.plan.joins import take_motions
+from choreograph.plan.plan import PlannedEdit
 from choreograph.render.assembly import off_stage
-from choreograph.render.first_part import FirstPart
-from choreograph.render.rendering import take_motions, with_edit
+from choreograph.render.rendering import FirstPart, with_edit
 from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
 from choreograph.studio.offers import Offers, pinned_part
 from choreograph.studio.project import Project, Span, Step

@@ -14,8 +14,7 @@ from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.library.repertoire import Repertoire
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor
-from choreograph.plan import Plan
-from choreograph.plan_parts import Block, PlannedSecond, goes_on
+from choreograph.plan.plan import Block, Plan, PlannedSecond, goes_on
 from choreograph.settings import DEFAULT_WEIGHTS
 
 _LONGEST_S = 6.0  # of a part for which the next best is looked for

@@ -15,7 +15,7 @@ from choreograph.formats import output_formats
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.figures import figures_from
 from choreograph.pipeline.saving import SavedParts, options_used, save_dance
-from choreograph.pipeline.scene_saving import scene_paths
+from choreograph.pipeline.scenes import scene_paths
 from choreograph.studio.project import Span
 from choreograph.studio.step_scenes import StagedScene
 

@@ -12,7 +12,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, planned_edit
-from choreograph.plan_parts import PlannedEdit
+from choreograph.plan.plan import PlannedEdit
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Span
 from choreograph.studio.refusals import NotFoundError

@@ -23,8 +23,7 @@ from choreograph.core.arguments import is_number, is_whole
 from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import without_garbage_collection
-from choreograph.plan import Plan, plan_text
-from choreograph.plan_parts import PlannedEdit, faults_of_edit, read_edit
+from choreograph.plan.plan import Plan, PlannedEdit, faults_of_edit, plan_text, read_edit
 from choreograph.studio.settings import Settings
 
 FORMAT = "choreograph-studio"

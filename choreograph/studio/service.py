@@ -20,7 +20,7 @@ from choreograph.choreography.formations import FORMATIONS
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import locked_folder
 from choreograph.library.repertoire import Repertoire
-from choreograph.scene_plan import MOST_DANCERS
+from choreograph.plan.scenes import MOST_DANCERS
 from choreograph.studio.desk import Desk
 from choreograph.studio.explain import weight_choices
 from choreograph.studio.exports import EXPORTED, exports_of_each

@@ -13,7 +13,7 @@ from choreograph.core.arguments import check_choice, check_text, is_whole, unexp
 from choreograph.core.errors import ParameterError
 from choreograph.core.settings import changed as changed_settings
 from choreograph.pipeline.scene_planning import SceneRequest, dancer_names
-from choreograph.scene_plan import MOST_DANCERS
+from choreograph.plan.scenes import MOST_DANCERS
 from choreograph.settings import DanceConfig
 
 ENGINES = ("graph", "mixer", "rollout")

@@ -15,10 +15,10 @@ from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance, dance_with
 from choreograph.pipeline.figures import danced_figures
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedEdit
+from choreograph.plan.joins import take_motions
+from choreograph.plan.plan import Plan, PlannedEdit
 from choreograph.render.assembly import off_stage
-from choreograph.render.rendering import render_planned, take_motions, with_edit
+from choreograph.render.rendering import render_planned, with_edit
 from choreograph.studio.facts import motion_data
 from choreograph.studio.project import Project, Step
 from choreograph.studio.settings import Settings

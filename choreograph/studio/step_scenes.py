@@ -22,7 +22,7 @@ from choreograph.pipeline.scene_planning import (
     sizes_of,
 )
 from choreograph.pipeline.scenes import Scene, planned_requests, scene_of
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.studio.facts import motion_data, other_motion_data
 from choreograph.studio.project import Project, Step
 from choreograph.studio.settings import Settings

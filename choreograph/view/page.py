@@ -37,8 +37,7 @@ from choreograph.core.progress import StepReport, part
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
-from choreograph.plan import Plan
-from choreograph.plan_parts import Block, PlannedSecond
+from choreograph.plan.plan import Block, Plan, PlannedSecond
 from choreograph.view.page_data import (
     PageBody,
     PageCharacter,

@@ -13,7 +13,7 @@ import pytest
 from acceptance.corpus import SaneFile, assert_read
 from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import swaying
-from test_plan import MIXED, PINNED, PLAN, ROLLED
+from synthetic_plans import MIXED, PINNED, PLAN, ROLLED
 
 from choreograph.choreography.constraints import read_signature
 from choreograph.formats.register import import_takes, save_motion
@@ -22,7 +22,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.bone_map import read_bone_map
 from choreograph.music.beats import read_beats
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.settings import load_config
 
 MOTION = swaying(90, fps=60.0)

@@ -17,7 +17,8 @@ from choreograph.library.builtin import starter_repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.render.runs import RecentRuns, Run, sample_run
+from choreograph.plan.joins import RecentRuns, sample_run
+from choreograph.plan.runs import Run
 
 
 def ratio(now: Callable[[], object], before: Callable[[], object], rounds: int = 3) -> float:

@@ -27,7 +27,7 @@ from choreograph.choreography.constraints import (
 from choreograph.choreography.slots import resolve_bans
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.motion.motion import Credits
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import PlannedWord
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from choreograph.library.words import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.synthesis.song import write_song
-from choreograph.render.rendering import plan_runs
+from choreograph.plan.runs import plan_runs
 from content.songs.known_songs import BENCHMARK_SONGS
 
 pytestmark = pytest.mark.slow

@@ -12,8 +12,8 @@ from choreograph.formats import dance_with_melody
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song_features import motion_density, music_density
+from choreograph.plan.runs import Run
 from choreograph.render.assembly import assemble
-from choreograph.render.runs import Run
 
 TAKES = ("DANCE_C_4", "DANCE_R_7", "DANCE_W_12")
 

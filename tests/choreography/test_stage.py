@@ -18,8 +18,8 @@ from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_wo
 from choreograph.core.arguments import as_stage_m
 from choreograph.evaluation.metrics import front
 from choreograph.motion.body import body_pos_m
+from choreograph.plan.joins import MAX_STEER_RAD, steer_rad
 from choreograph.render.assembly import off_stage
-from choreograph.render.runs import MAX_STEER_RAD, steer_rad
 
 
 def test_sizes():

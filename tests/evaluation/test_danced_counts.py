@@ -11,8 +11,7 @@ from synthetic_repertoire import PERIODS_S, synthetic_repertoire, synthetic_take
 from choreograph.evaluation.danced_counts import counted_share, danced_counts, figure_borders_s
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedSecond, PlannedWord
+from choreograph.plan.plan import Plan, PlannedSecond, PlannedWord
 
 NOBODY = Credits()
 

@@ -18,7 +18,7 @@ from choreograph.formats.tables import read_counts, write_counts
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion, Take
 from choreograph.motion.skeleton import Skeleton
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 TOLERANCE = 1e-4  # of the largest distance from the origin and the longest bone, at least of a metre
 _MAX_TAKES = 3  # of one file

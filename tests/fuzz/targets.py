@@ -52,7 +52,7 @@ from choreograph.motion.bone_map import find_bones, read_bone_map
 from choreograph.motion.motion import Take
 from choreograph.music.beats import read_beats
 from choreograph.music.song import load_song
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.render.rendering import render
 from choreograph.settings import load_config
 

@@ -17,8 +17,8 @@ from choreograph.evaluation.study import VERSION as STUDY_VERSION
 from choreograph.evaluation.study_results import read_study
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import VERSION as REPERTOIRE_VERSION
-from choreograph.plan import VERSION as PLAN_VERSION
-from choreograph.plan import Plan
+from choreograph.plan.plan import VERSION as PLAN_VERSION
+from choreograph.plan.plan import Plan
 
 FOLDER = Path(__file__).parent / "versions"
 REPERTOIRES = sorted(FOLDER.glob("repertoire-*.h5"))

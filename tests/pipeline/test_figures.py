@@ -10,7 +10,7 @@ import choreograph as cg
 from choreograph.core.counts import Figure
 from choreograph.formats.vmd_file import parse_vmd
 from choreograph.pipeline.figures import danced_figures, figures_from, figures_of_parts
-from choreograph.scene_plan import DancerPart
+from choreograph.plan.scenes import DancerPart
 
 
 @pytest.fixture(scope="module", params=["graph", "mixer"])

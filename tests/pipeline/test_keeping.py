@@ -13,7 +13,7 @@ from command_line import run
 import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
 from choreograph.core.errors import ParameterError
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import PlannedWord
 
 pytestmark = pytest.mark.slow
 

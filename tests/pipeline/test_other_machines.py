@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from choreograph.formats.register import import_takes
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from choreograph.choreography.engine import engines
 from choreograph.cli.dance import command
 from choreograph.core.errors import ChoreographError
 from choreograph.pipeline import dancing
-from choreograph.render import runs as stage
+from choreograph.plan import joins as stage
 
 pytestmark = pytest.mark.slow
 

@@ -26,7 +26,7 @@ from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.retargeting import leg_length_m
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.pipeline.scene_planning import BodySize, sizes_of
-from choreograph.pipeline.scene_saving import scene_paths
+from choreograph.pipeline.scenes import scene_paths
 
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "scene.schema.json").read_text(encoding="utf-8")

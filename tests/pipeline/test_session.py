@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import choreograph as cg
 from choreograph.core.errors import NoPathError
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 DURATION_S = 8.0
 GENRES = ["house", "cha-cha", "waltz"]

@@ -14,8 +14,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
+from choreograph.plan.joins import MAX_STEER_RAD, steer_rad
+from choreograph.plan.runs import Run, to_runs
 from choreograph.render.assembly import assemble
-from choreograph.render.runs import MAX_STEER_RAD, Run, steer_rad, to_runs
 from choreograph.settings import TRANSITION_LENGTHS_S, Blending
 
 TAKES = {

@@ -13,15 +13,15 @@ from hypothesis import strategies as st
 from synthetic_motions import swaying
 
 import choreograph as cg
+from choreograph.choreography.engine import amplitudes
 from choreograph.core.numerics import frame_blocks
 from choreograph.evaluation.metrics.energy_response import speed_within_m_s
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jumps_per_minute
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import lock_feet
-from choreograph.render.dynamics import STOP_EASE_S, amplitudes, with_amplitudes, with_stops
-from choreograph.render.held_poses import hold_stops
-from choreograph.render.runs import Run
+from choreograph.plan.runs import STOP_EASE_S, Run, with_stops
+from choreograph.render.dynamics import hold_stops, with_amplitudes
 
 FPS = 60.0
 ANKLES = [BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right")]

@@ -12,10 +12,10 @@ from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet, locking_shift
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.render.assembly import assemble
+from choreograph.plan.joins import alignment_at, sample_run
+from choreograph.plan.runs import Run
+from choreograph.render.assembly import Joins, assemble
 from choreograph.render.rendering import lock_feet_at_joins
-from choreograph.render.runs import Run, alignment_at, sample_run
-from choreograph.render.transitions import Joins
 
 FPS = 60.0
 FEET = [BODY_JOINTS.index(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "foot")]

@@ -12,9 +12,8 @@ from choreograph.choreography.graph.local_search import CheapNodes
 from choreograph.core.numerics import Memory
 from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.dancing import dance_with
-from choreograph.render.first_part import FirstPart, part_of_plan
-from choreograph.render.rendering import render_planned
-from choreograph.render.runs import Run
+from choreograph.plan.runs import Run
+from choreograph.render.rendering import FirstPart, part_of_plan, render_planned
 
 LENGTH_S = 3.0
 

@@ -15,7 +15,7 @@ from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.music.danced_span import held_times_s
-from choreograph.render.held_poses import (
+from choreograph.render.dynamics import (
     _played,
     copied,
     hold_ends,

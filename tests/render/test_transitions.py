@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.skeleton import Skeleton
-from choreograph.render.runs import SampledRun
-from choreograph.render.transitions import (
+from choreograph.plan.joins import SampledRun
+from choreograph.render.assembly import (
     apply_offset,
     blend_transition,
     crossfade,

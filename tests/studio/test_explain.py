@@ -10,7 +10,7 @@ import pytest
 
 from choreograph.choreography.pieces import PieceRequest
 from choreograph.core.errors import ParameterError
-from choreograph.plan_parts import PlannedSecond, goes_on
+from choreograph.plan.plan import PlannedSecond, goes_on
 from choreograph.settings import DEFAULT_WEIGHTS
 from choreograph.studio import explain
 from choreograph.studio.explain import (

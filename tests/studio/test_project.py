@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.plan_parts import PlannedEdit
+from choreograph.plan.plan import PlannedEdit
 from choreograph.studio.project import MOST_SIZE, Project, joined, project_from_json
 from choreograph.studio.settings import Settings
 
@@ -26,7 +26,7 @@ def plans(made):
     """A plan, and the same with one and two edits."""
     word = replace(made.plan.words[0], start_s=2.0, end_s=4.0) if made.plan.words else None
     if word is None:
-        from choreograph.plan_parts import PlannedWord
+        from choreograph.plan.plan import PlannedWord
 
         second = made.plan.seconds[2]
         word = PlannedWord(2.0, 4.0, 0, second.take, 1.0, 3.0, second.credits)

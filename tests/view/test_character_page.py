@@ -17,7 +17,7 @@ from choreograph.characters.performance import perform
 from choreograph.core.errors import ParameterError
 from choreograph.formats.register import save_motion
 from choreograph.pipeline.saving import SavedParts, save_dance
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 
 PLAN: Plan = plan_for(DANCE)
 

@@ -33,11 +33,10 @@ from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.danced_span import REACH_S, join_times_s
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedSecond, PlannedWord
-from choreograph.render.rendering import render_planned, runs_of_seconds, take_motions
-from choreograph.render.runs import Run, TransitionTiming
-from choreograph.render.transitions import time_transitions
+from choreograph.plan.joins import take_motions, time_transitions
+from choreograph.plan.plan import Plan, PlannedSecond, PlannedWord
+from choreograph.plan.runs import Run, TransitionTiming, runs_of_seconds
+from choreograph.render.rendering import render_planned
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights, settings_of
 
 _COST_DECIMALS = 4  # of a cost in a plan. Further decimals differ between CPUs

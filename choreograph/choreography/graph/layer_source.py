@@ -23,7 +23,7 @@ from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_S
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids
 from choreograph.music.danced_span import join_times_s
-from choreograph.render.runs import MAX_STEER_RAD
+from choreograph.plan.joins import MAX_STEER_RAD
 
 _FEW_TAKES = 512  # of which all have grids and usage, so that the dances of a session have the same
 _CLIPS_AT_ONCE = 1024  # 220 MB of positions

@@ -16,7 +16,7 @@ from choreograph.core.timebase import NET_FPS
 from choreograph.music.count_grids import SongGrid
 from choreograph.music.form import Form, Phrase
 from choreograph.music.song_features import SongFeatures
-from choreograph.render.runs import stage_half_m
+from choreograph.plan.joins import stage_half_m
 
 _VARIED_COUNTS = 4  # at the end of what returns, where other music follows
 _VARIED_WEIGHT = 0.5

@@ -38,10 +38,9 @@ from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import held_times_s
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedWord
-from choreograph.render.rendering import render_from, take_motions
-from choreograph.render.runs import RecentRuns, sample_run, stage_half_m
+from choreograph.plan.joins import RecentRuns, sample_run, stage_half_m, take_motions
+from choreograph.plan.plan import Plan, PlannedWord
+from choreograph.render.rendering import render_from
 from choreograph.settings import DanceConfig, settings_of
 
 _STEPS = 10  # of the progress of a rendering

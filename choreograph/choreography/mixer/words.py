@@ -23,8 +23,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import Vocabulary
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
-from choreograph.plan_parts import PlannedWord
-from choreograph.render.runs import MAX_STEER_RAD, stage_half_m
+from choreograph.plan.joins import MAX_STEER_RAD, stage_half_m
+from choreograph.plan.plan import PlannedWord
 from choreograph.settings import DEFAULT_WEIGHTS
 
 # The features of words that the mixer compares: poses at their borders, and their motif margin.

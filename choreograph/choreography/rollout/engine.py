@@ -43,8 +43,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.words import WORDS_AT_ONCE
 from choreograph.motion.motion import Credits, Motion
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
-from choreograph.plan import Plan
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import Plan, PlannedWord
 from choreograph.render.rendering import render_generated, render_over
 from choreograph.settings import DanceConfig, settings_of
 

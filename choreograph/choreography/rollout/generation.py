@@ -39,7 +39,7 @@ from choreograph.nets.rollout_poses import (
     word_conditions,
     word_of_frames,
 )
-from choreograph.render.runs import steer_rad
+from choreograph.plan.joins import steer_rad
 
 SEED_FRAMES = 15  # recorded poses before the first generated one, as in the paper
 # Gaussian deviations. The network jumps at a new motif. Smoothing reduces its jerk to that of people.

@@ -34,7 +34,7 @@ from choreograph.nets.rollout_poses import (
     RolloutConditions,
     to_poses,
 )
-from choreograph.render.runs import steer_rad
+from choreograph.plan.joins import steer_rad
 
 # Motifs drawn while a song plays, passage by passage or word by word (Rhythm is a Dancer, section 4.3).
 

@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse, StreamingResponse
 
 from choreograph.core.errors import ParameterError
 from choreograph.motion.motion import Motion
-from choreograph.render.first_part import FirstPart
+from choreograph.render.rendering import FirstPart
 from choreograph.studio.facts import motion_data
 from choreograph.studio.jobs import Job
 from choreograph.studio.refusals import ConflictError

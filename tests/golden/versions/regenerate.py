@@ -31,8 +31,8 @@ from choreograph.library.schema import VERSION as REPERTOIRE_VERSION
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.plan import VERSION as PLAN_VERSION
-from choreograph.plan_parts import PlannedWord
+from choreograph.plan.plan import VERSION as PLAN_VERSION
+from choreograph.plan.plan import PlannedWord
 
 FOLDER = Path(__file__).parent
 PERIODS_S = (0.5, 0.75)

@@ -1,10 +1,16 @@
-"""Runs, the parts of takes that are played. They are sampled, aligned and kept near the stage's middle."""
+"""Joins, where one run gives way to the next: place and heading, time and length of the transition.
+
+A run is sampled at the frame rate of the dance and moved so that its body stands where the body of the run
+before it stands. It is steered a little, so that the dance faces the audience and stays on the stage. The
+join lies on a count if it can, and its transition is as short as accelerations allow. Rendering plays the
+joins so: `choreograph.render.assembly`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -12,14 +18,20 @@ import numpy as np
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.filters import logistic
 from choreograph.core.numerics import NO_MEMORY, Floats, Indices, Memory
-from choreograph.core.splines import CubicSpline, monotone_cubic
-from choreograph.core.timebase import NET_FPS, seconds_to_frames
+from choreograph.core.progress import StepReport
+from choreograph.core.timebase import seconds_to_frames
+from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
 from choreograph.motion.kinematics import ancestors, forward
 from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
+from choreograph.plan.runs import (
+    Run,
+    TransitionTiming,
+)
+from choreograph.settings import TRANSITION_LENGTHS_S
 
 # Keeping a dance near the middle of the stage, by small extra rotations at transitions.
 
@@ -77,161 +89,6 @@ def stage_half_m(stage_m: tuple[float, float]) -> tuple[float, float]:
     """
     width_m, depth_m = (max(side_m / 2 - _FEET_M, side_m / 4) for side_m in stage_m)
     return width_m, depth_m
-
-
-# Runs: parts of takes with their time in the dance, without a transition inside.
-
-
-_SAME_INSTANT_S = 2e-3  # largest gap between two parts of a take that need no transition
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """A part of the dance that is played without a transition: one take, one continuous time map."""
-
-    take: str
-    start_s: float  # in the dance
-    stop_s: float
-    source_times_s: Floats  # (n + 1,) times of the take, evenly spaced from start to stop, both included
-    locked: bool = False  # transitions change its neighbours, not it
-    transition_s: float | None = None  # length of the transition into it, or None for the blending's default
-    mirrored: bool = False  # left and right are exchanged
-
-    @property
-    def length_s(self) -> float:
-        """Its length in seconds."""
-        return self.stop_s - self.start_s
-
-    def source_s(self, times_s: Floats) -> Floats:
-        """Source times at times of the dance. Beyond the ends, the speed stays that of the end."""
-        knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
-        return CubicSpline(knots, self.source_times_s).continued(np.asarray(times_s) - self.start_s)
-
-    def cut(self, start_s: float, stop_s: float) -> Run:
-        """The part of the run between two times of the dance."""
-        source_times_s = self.source_s(_knots_s(start_s, stop_s))
-        return replace(self, start_s=start_s, stop_s=stop_s, source_times_s=source_times_s)
-
-
-@dataclass(frozen=True)
-class TransitionTiming:
-    """The time at which a run replaces the one before it, and the length of the transition."""
-
-    start_s: float  # of the dance
-    transition_s: float | None = None  # see `Run`
-
-
-def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> list[Run]:
-    """Seconds grouped into runs. Each second has its take and 21 source times."""
-    runs: list[Run] = []
-    for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
-        times = np.asarray(given, np.float64)
-        if runs and _continues(runs[-1], take, times[0]):
-            longer = np.concatenate([runs[-1].source_times_s, times[1:]])
-            runs[-1] = Run(take, runs[-1].start_s, second + 1.0, longer)
-        else:
-            runs.append(Run(take, float(second), second + 1.0, times))
-    return runs
-
-
-def words_to_runs(
-    takes: Sequence[str],
-    spans_s: Floats,
-    sources_s: Floats,
-    locked: Sequence[bool],
-    mirrored: Sequence[bool] | None = None,
-) -> list[Run]:
-    """Words grouped into runs. Each word has its take, its span of the dance (N, 2) and of the take (N, 2).
-
-    A word is played at constant speed. Words that follow one another in their take are one run, whose
-    speed changes smoothly from word to word.
-    """
-    runs: list[Run] = []
-    first = 0
-    sides = [False] * len(takes) if mirrored is None else mirrored
-    for index in range(1, len(takes) + 1):
-        goes_on = (
-            index < len(takes)
-            and takes[index] == takes[index - 1]
-            and sides[index] == sides[index - 1]
-            and abs(sources_s[index, 0] - sources_s[index - 1, 1]) < _SAME_INSTANT_S
-            and abs(spans_s[index, 0] - spans_s[index - 1, 1]) < _SAME_INSTANT_S
-        )
-        if not goes_on:
-            part = slice(first, index)
-            run = _word_run(takes[first], spans_s[part], sources_s[part], any(locked[part]))
-            runs.append(replace(run, mirrored=True) if sides[first] else run)
-            first = index
-    return runs
-
-
-def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Run:
-    start_s, stop_s = float(spans_s[0, 0]), float(spans_s[-1, 1])
-    knots, values = (*spans_s[:, 0].tolist(), stop_s), (*sources_s[:, 0].tolist(), float(sources_s[-1, 1]))
-    return Run(take, start_s, stop_s, _smooth_times_s(knots, values), locked)
-
-
-@lru_cache(maxsize=4096)  # the mixer makes the runs of most words six times
-def _smooth_times_s(knots: tuple[float, ...], values: tuple[float, ...]) -> Floats:
-    """Source times through `values` at the times `knots` of the dance, as of `Run`. They are read-only."""
-    times_s: Floats = monotone_cubic(knots, values, _knots_s(knots[0], knots[-1]))
-    times_s.flags.writeable = False
-    return times_s
-
-
-def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
-    """`runs`, replaced by those of `instead` where they overlap. Both are in order of time."""
-    left: list[Run] = []
-    for run in runs:
-        start_s = run.start_s
-        for cover in instead:
-            if cover.stop_s <= start_s or cover.start_s >= run.stop_s:
-                continue
-            if cover.start_s - start_s > _SAME_INSTANT_S:
-                left.append(run.cut(start_s, cover.start_s))
-            start_s = max(start_s, cover.stop_s)
-        if run.stop_s - start_s > _SAME_INSTANT_S:
-            left.append(run if start_s == run.start_s else run.cut(start_s, run.stop_s))
-    return sorted([*left, *instead], key=lambda run: run.start_s)
-
-
-def without_holes(runs: Sequence[Run], duration_s: float) -> list[Run]:
-    """The runs of a dance, each extended at its speed to the middle of a hole beside it, or to an end."""
-    borders_s = [0.0, *((before.stop_s + after.start_s) / 2 for before, after in pairwise(runs)), duration_s]
-    return [
-        run if _covers(run, *span_s) else run.cut(*span_s)
-        for run, span_s in zip(runs, pairwise(borders_s), strict=True)
-    ]
-
-
-def _covers(run: Run, start_s: float, stop_s: float) -> bool:
-    return abs(run.start_s - start_s) < _SAME_INSTANT_S and abs(run.stop_s - stop_s) < _SAME_INSTANT_S
-
-
-def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:
-    """The runs, each starting at the time of its timing (N,).
-
-    The run before it is extended or cut accordingly.
-    """
-    moved = [
-        replace(run, transition_s=timing.transition_s) for run, timing in zip(runs, transitions, strict=True)
-    ]
-    for index, start_s in enumerate(timing.start_s for timing in transitions):
-        before, after = moved[index - 1], moved[index]
-        if index == 0 or start_s == after.start_s or not before.start_s < start_s < after.stop_s:
-            continue
-        moved[index - 1] = before.cut(before.start_s, start_s)
-        moved[index] = after.cut(start_s, after.stop_s)
-    return moved
-
-
-def _continues(run: Run, take: str, source_s: float) -> bool:
-    return run.take == take and abs(run.source_times_s[-1] - source_s) < _SAME_INSTANT_S
-
-
-def _knots_s(start_s: float, stop_s: float) -> Floats:
-    """Knots of a time map from start to stop, about as many as at 20 fps."""
-    return np.linspace(start_s, stop_s, max(2, round((stop_s - start_s) * NET_FPS)) + 1)
 
 
 # Runs are sampled at the frame rate of the dance and aligned with the run before them.
@@ -385,3 +242,97 @@ def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
         weights.append(float(logistic((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
     shift_m: Floats = np.average(apart_m, axis=0, weights=weights)
     return shift_m
+
+
+def take_motions(repertoire: Repertoire) -> MotionReader:
+    """Reads parts of the repertoire's takes by name, turned so that each take's front is the audience's."""
+    indices = {take.name: index for index, take in enumerate(repertoire.takes)}
+    fronts_rad = repertoire.clip_motion.fronts_rad
+
+    def read(take: str, start_s: float, stop_s: float) -> tuple[Motion, float]:
+        motion, first_s = repertoire.motion(indices[take], start_s, stop_s)
+        return motion.moved(yaw_rad=-float(fronts_rad[indices[take]])), first_s
+
+    return read
+
+
+# The time at which each run replaces the one before it, and the length of the transition.
+
+
+_MIN_RUN_S = 0.6  # least length of a run
+# Greatest acceleration by an offset x, in x / T², and by its rate v, in v / T, if two sides share the offset,
+# and if one side takes all of it.
+_PEAKS_SHARED = 1.45, 2.0
+_PEAKS_ALONE = 5.8, 4.0
+_EASY_M_S2 = 4.0  # limit of acceleration by a transition, small compared with that of dancers
+
+
+def time_transitions(
+    runs: Sequence[Run],
+    joins_s: Sequence[float],
+    take_lengths_s: Mapping[str, float],
+    read_motion: MotionReader,
+    *,
+    fps: float,
+    blending: str,
+    fixed: Sequence[bool] = (),
+    report: StepReport | None = None,
+    memory: Memory = NO_MEMORY,
+) -> list[TransitionTiming]:
+    """The time at which each run replaces the one before it, and the length of the transition (N,).
+
+    A run begins at its instant of `joins_s` (N,), a count near its start, if both takes are long enough and
+    neither run becomes shorter than 0.6 s. Otherwise, or if it is `fixed` (N,), it begins at its start. An
+    inertial transition is the shortest that accelerates no joint by more than 4 m/s². ChoreoGraph changes
+    takes on the second. `memory` is of the takes that `read_motion` reads.
+    """
+    starts = [runs[0].start_s] if runs else []
+    for index, (before, after) in enumerate(pairwise(runs), start=1):
+        held = before.locked or after.locked or (bool(fixed) and fixed[index])
+        at_s = float(joins_s[index])
+        possible = (
+            not held
+            and min(at_s - starts[-1], after.stop_s - at_s) >= _MIN_RUN_S
+            and before.source_s(np.array([at_s]))[0] <= take_lengths_s[before.take]
+            and after.source_s(np.array([at_s]))[0] >= 0.0
+        )
+        starts.append(at_s if possible else after.start_s)
+    lengths = []
+    for (before, after), at_s in zip(pairwise(runs), starts[1:], strict=True):
+        length_s = memory.value(
+            partial(_length_s, before, after, at_s, read_motion, fps, blending),
+            "length of a transition", before, after, at_s, fps, blending,
+        )  # fmt: skip
+        lengths.append(length_s)
+        if report is not None:
+            report(len(lengths) + 1, len(runs))
+    return [
+        TransitionTiming(at_s, length_s)
+        for at_s, length_s in zip(starts, (*(run.transition_s for run in runs[:1]), *lengths), strict=True)
+    ]
+
+
+def _length_s(
+    before: Run, after: Run, at_s: float, read_motion: MotionReader, fps: float, blending: str
+) -> float:
+    """The shortest length of the blending within the limit of acceleration, else its longest."""
+    options = sorted(TRANSITION_LENGTHS_S[blending])
+    if len(options) == 1:
+        return options[0]
+    # Longer than a frame, so that there are three around the instant.
+    span = slice(at_s - 2.0 / fps, at_s + 2.0 / fps)
+    a, b = (sample_run(run.cut(span.start, span.stop), read_motion, fps, 1) for run in (before, after))
+    offset_m, rate_m_s = _offset(a, b, fps)
+    of_offset, of_rate = _PEAKS_ALONE if before.locked != after.locked else _PEAKS_SHARED
+    peaks = [np.max(of_offset * offset_m / length**2 + of_rate * rate_m_s / length) for length in options]
+    return next(
+        (length for length, peak in zip(options, peaks, strict=True) if peak <= _EASY_M_S2), options[-1]
+    )
+
+
+def _offset(a: SampledRun, b: SampledRun, fps: float) -> tuple[Floats, Floats]:
+    """Distance and difference of velocity of every joint (21,), once b stands where a stands."""
+    frame = a.start + 1
+    aligned = b.moved(*alignment_at(a, b, frame))
+    apart = [aligned.body_at(at) - a.body_at(at) for at in (frame - 1, frame, frame + 1)]
+    return np.linalg.norm(apart[1], axis=-1), np.linalg.norm(apart[2] - apart[0], axis=-1) * fps / 2

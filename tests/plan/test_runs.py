@@ -8,12 +8,11 @@ from synthetic_motions import swaying
 
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.contacts import CONTACT_JOINTS
-from choreograph.render.runs import (
-    RecentRuns,
+from choreograph.plan.joins import RecentRuns, sample_run
+from choreograph.plan.runs import (
     Run,
     TransitionTiming,
     overlay_runs,
-    sample_run,
     to_runs,
     with_transitions,
     words_to_runs,

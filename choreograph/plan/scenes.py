@@ -10,13 +10,18 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from choreograph.core.arguments import as_list, fields_of_json, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
+from choreograph.core.filters import gaussian_filter
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import counted
 from choreograph.core.settings import changed
+from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
-from choreograph.plan import Plan
+from choreograph.plan.plan import Plan
 from choreograph.settings import DanceConfig
 
 FORMAT = "choreograph-scene"
@@ -251,3 +256,37 @@ def _read_request(data: Any, where: str) -> PlannedRequest:
     except ParameterError as error:
         raise FormatError(f"{where}: {error}") from None
     return request
+
+
+# The way of a dancer over the stage, from place to place of the plan.
+
+
+_STANDING_SHARE = 0.04  # of the speed over the ground, while both feet stand
+_MOBILE_EASE_S = 0.1  # standard deviation of the Gaussian that smooths whether they do
+
+
+def ground_shift_m(motion: Motion, contacts: Floats, times_s: Floats, places_m: Floats) -> Floats:
+    """The shift (T, 2) on the ground with which the root is at `places_m` (K, 2) at the times (K,).
+
+    Between two times, the shift changes in proportion to how free the feet are, with `contacts` (T, 4).
+    """
+    frames = np.clip(np.round(times_s * motion.fps).astype(np.int64), 0, motion.n_frames - 1)
+    shift_m = places_m - motion.root_pos_m[frames][:, [0, 2]]  # (K, 2)
+    way = np.empty((motion.n_frames, 2))
+    way[: frames[0]], way[frames[-1] :] = shift_m[0], shift_m[-1]
+    free = _freedom(contacts, motion.fps)
+    for index, (first, stop) in enumerate(pairwise(frames.tolist())):
+        if first == stop:
+            continue
+        done = np.concatenate([[0.0], np.cumsum(free[first:stop])])
+        share = done[:-1] / done[-1]
+        eased = share * share * (3.0 - 2.0 * share)
+        way[first:stop] = shift_m[index] + eased[:, None] * (shift_m[index + 1] - shift_m[index])
+    return way
+
+
+def _freedom(contacts: Floats, fps: float) -> Floats:
+    """How fast a body may be moved over the ground at each frame (T,): slowly while both feet stand."""
+    standing = np.maximum(contacts[:, ::2], contacts[:, 1::2])  # (T, 2) of each foot
+    free = _STANDING_SHARE + (1.0 - standing[:, 0] * standing[:, 1])
+    return gaussian_filter(free, _MOBILE_EASE_S * fps)

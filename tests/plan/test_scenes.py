@@ -6,10 +6,10 @@ import json
 from typing import Any
 
 import pytest
-from test_plan import PLAN
+from synthetic_plans import PLAN
 
 from choreograph.core.errors import FormatError
-from choreograph.scene_plan import DancerPart, PlannedDancer, PlannedRequest, ScenePlan
+from choreograph.plan.scenes import DancerPart, PlannedDancer, PlannedRequest, ScenePlan
 from choreograph.settings import DanceConfig
 
 DANCER = PlannedDancer("a", 1.0, (DancerPart(0.0, 2.5, 0),), (0.0, 2.0), (0.0, 1.0), (0.0, 0.5))

@@ -14,9 +14,9 @@ from choreograph.core.numerics import Memory
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Motion
-from choreograph.plan_parts import PlannedSecond, second_block
-from choreograph.render.runs import Run, to_runs, with_transitions
-from choreograph.render.transitions import time_transitions
+from choreograph.plan.joins import time_transitions
+from choreograph.plan.plan import PlannedSecond, second_block
+from choreograph.plan.runs import Run, to_runs, with_transitions
 from choreograph.settings import TRANSITION_LENGTHS_S
 
 FPS = 60.0
