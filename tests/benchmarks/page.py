@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import platform
+import subprocess
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -249,11 +250,14 @@ def main() -> None:
         of_plan = plan_table(*planned(first, SONGS_S[0], repertoire))
         changed = changes(first, SONGS_S[0], repertoire)
         of_processes = processes(Path(folder))
+    asked = ["git", "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
     lines = [
         "# Speed",
         "",
         "CPU seconds of all threads, in one process, with kernels compiled and the song known. Written by "
-        "`make benchmark`. The songs are synthetic house songs, and the takes are the built-in ones.",
+        f"`make benchmark` at the commit `{commit}`. The songs are synthetic house songs, and the takes are "
+        "the built-in ones.",
         "",
         f"Python {platform.python_version()}, NumPy {np.__version__}. A fixed amount of work, of which one "
         f"half is compiled and the other NumPy, took {unit_s():.3f} s.",
