@@ -31,11 +31,6 @@ from choreograph.plan.plan import Plan
 class MotifPin:
     """Require a motif in the beat interval around a time of the dance.
 
-    Parameters
-    ----------
-    at_s : time in the dance, in seconds
-    motif : index of the motif in the repertoire's vocabulary, 0 or more
-
     Raises
     ------
     ParameterError   if a value is not a number, or the motif is negative
@@ -50,7 +45,10 @@ class MotifPin:
     """
 
     at_s: float
+    """Time in the dance, in seconds."""
+
     motif: int
+    """Index of the motif in the repertoire's vocabulary, from 0 on."""
 
     __repr__ = one_line
 
@@ -66,11 +64,6 @@ class MotifPin:
 class TakePin:
     """Require one take from one time of the dance to another.
 
-    Parameters
-    ----------
-    start_s, end_s : times in the dance, in seconds
-    take : name of the take in the repertoire
-
     Raises
     ------
     ParameterError   if a time is not a number, or the take is not a name
@@ -84,8 +77,13 @@ class TakePin:
     """
 
     start_s: float
+    """From when, in seconds of the dance."""
+
     end_s: float
+    """Until when, in seconds of the dance."""
+
     take: str
+    """Name of the take in the repertoire."""
 
     __repr__ = one_line
 
@@ -102,7 +100,10 @@ class Span:
     """A part of a dance, from `start_s` to `end_s` in seconds. Raises `ParameterError` for other values."""
 
     start_s: float
+    """When it begins, in seconds of the dance."""
+
     end_s: float
+    """When it ends, in seconds of the dance."""
 
     __repr__ = one_line
 
@@ -116,10 +117,6 @@ class Span:
 @dataclass(frozen=True, repr=False)
 class Keep(Span):
     """Keep a part of another dance to the same song as it is.
-
-    Parameters
-    ----------
-    start_s, end_s : times in the dance, in seconds
 
     Raises
     ------
@@ -142,12 +139,6 @@ BANNED_NAMES = ("take", "genre", "performer", "licence")
 class Ban:
     """Exclude a take, the takes of a genre, of a performer or with a licence, or a motif. Give exactly one.
 
-    Parameters
-    ----------
-    take : name of a take in the repertoire
-    genre, performer, licence : as in the credits of takes in the repertoire
-    motif : index of a motif in the repertoire's vocabulary, 0 or more
-
     Raises
     ------
     ParameterError   if not exactly one is given, a name is not text, or the motif is negative
@@ -160,10 +151,19 @@ class Ban:
     """
 
     take: str | None = None
+    """Name of a take in the repertoire."""
+
     genre: str | None = None
+    """Genre, as in the credits of takes."""
+
     motif: int | None = None
+    """Index of a motif in the repertoire's vocabulary, from 0 on."""
+
     performer: str | None = None
+    """Performer, as in the credits of takes."""
+
     licence: str | None = None
+    """Licence, as in the credits of takes."""
 
     __repr__ = one_line
 

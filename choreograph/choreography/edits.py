@@ -23,10 +23,6 @@ from choreograph.plan.plan import TOUCH_S, Plan
 class Swap(Span):
     """Dance something else from one time of an existing dance to another.
 
-    Parameters
-    ----------
-    start_s, end_s : times in the dance, in seconds
-
     Raises
     ------
     ParameterError   if a time is not a number
@@ -46,10 +42,6 @@ class Swap(Span):
 @dataclass(frozen=True, repr=False)
 class Vary(Span):
     """Dance something similar from one time of an existing dance to another.
-
-    Parameters
-    ----------
-    start_s, end_s : times in the dance, in seconds
 
     Raises
     ------
@@ -71,12 +63,6 @@ class Vary(Span):
 class Repeat:
     """Dance a part of an existing dance again at another time, count by count.
 
-    Parameters
-    ----------
-    start_s, end_s : the part that is repeated, in seconds of the dance
-    at_s : when it is danced again
-    mirrored : with left and right exchanged
-
     Raises
     ------
     ParameterError   if a time is not a number, or `mirrored` is not True or False
@@ -90,9 +76,16 @@ class Repeat:
     """
 
     start_s: float
+    """When the part that is repeated begins, in seconds of the dance."""
+
     end_s: float
+    """When it ends, in seconds of the dance."""
+
     at_s: float
+    """When it is danced again, in seconds of the dance."""
+
     mirrored: bool = False
+    """Whether left and right are exchanged."""
 
     __repr__ = one_line
 
@@ -108,10 +101,6 @@ class Repeat:
 @dataclass(frozen=True, repr=False)
 class Hold(Span):
     """Hold the pose at a time of an existing dance until another time. The dancer breathes and sways.
-
-    Parameters
-    ----------
-    start_s, end_s : times in the dance, in seconds
 
     Raises
     ------
@@ -135,11 +124,6 @@ class MoveJoin:
 
     The take before the join is danced longer, or that after it begins sooner.
 
-    Parameters
-    ----------
-    at_s : a time within a count of the join, in seconds
-    counts : how many counts later, or earlier below 0
-
     Raises
     ------
     ParameterError   if the time is not a number, or `counts` is 0 or not whole
@@ -152,7 +136,10 @@ class MoveJoin:
     """
 
     at_s: float
+    """A time within a count of the join, in seconds of the dance."""
+
     counts: int
+    """How many counts later. Below 0, it is earlier."""
 
     __repr__ = one_line
 

@@ -22,9 +22,16 @@ class Loop:
     """A span that can be repeated."""
 
     start_s: float
+    """When it begins, in seconds."""
+
     end_s: float
+    """When it ends, in seconds."""
+
     n_counts: int
-    distance: float  # of its end from its start, as in the matrix of distances that it was found in
+    """Its length in counts."""
+
+    distance: float
+    """Distance of its end from its start, as in the matrix of distances in which it was found."""
 
 
 def best_loops(distances: Floats, counts: Counts) -> tuple[Loop, ...]:

@@ -30,16 +30,6 @@ FROM_MOTION = "motion"  # estimated from the motion by a network
 class Counts:
     """The counts of a take or a song, in order.
 
-    Parameters
-    ----------
-    times_s : float array (Q,)      increasing, from the first frame of the take or the start of the song
-    numbers : int array (Q,)        numbers in the bar, 1 on the downbeat, or all 0 if bars are not known
-    metre : int                     counts in a bar, or 0 if bars are not known
-    source : str                    "annotation", "data set", "music" or "motion"
-    confidence : float              probability from 0 to 1 that times and numbers are right
-    uncertainty : float array (Q,)  of counts estimated from motion: 0 if the phases of the network agree with
-                                    the count, 0.5 if they are uninformative, up to 1. Otherwise empty
-
     Examples
     --------
     >>> counts = cg.Counts(np.array([0.0, 0.5, 1.0, 1.5, 2.0]), np.array([1, 2, 3, 4, 1]), metre=4)
@@ -51,12 +41,25 @@ class Counts:
     array([3, 4, 1])
     """
 
-    times_s: Floats  # (Q,)
-    numbers: NDArray[np.int64]  # (Q,)
+    times_s: Floats
+    """(Q,) times of the counts in seconds, increasing, from the first frame of the take or the start of the
+    song."""
+
+    numbers: NDArray[np.int64]
+    """(Q,) number of each count in its bar, 1 on the downbeat, or all 0 if bars are not known."""
+
     metre: int
+    """Counts in a bar, or 0 if bars are not known."""
+
     source: str = ""
+    """Where they come from: "annotation", "data set", "music" or "motion"."""
+
     confidence: float = 0.0
-    uncertainty: Floats = field(default_factory=lambda: np.zeros(0))  # (Q,) or (0,)
+    """Probability from 0 to 1 that times and numbers are right."""
+
+    uncertainty: Floats = field(default_factory=lambda: np.zeros(0))
+    """(Q,) for counts estimated from motion: 0 if the phases of the network agree with the count, 0.5 if they
+    are uninformative, up to 1. Otherwise (0,)."""
 
     __repr__ = one_line
 
@@ -90,10 +93,17 @@ class Counts:
 class Figure:
     """A named part of the choreography of a take. It lasts a whole number of counts."""
 
-    name: str  # such as "natural turn"
-    start_s: float  # from the first frame of the take
-    end_s: float  # from the first frame of the take
-    n_counts: int  # its length
+    name: str
+    """Its name, such as "natural turn"."""
+
+    start_s: float
+    """Where it begins, in seconds from the first frame of the take."""
+
+    end_s: float
+    """Where it ends, in seconds from the first frame of the take."""
+
+    n_counts: int
+    """Its length in counts."""
 
 
 NO_COUNTS = Counts(np.zeros(0), np.zeros(0, np.int64), 0)

@@ -48,15 +48,34 @@ class SongCoverage:
     """How a repertoire covers a song of S seconds."""
 
     song: str
+    """Name of the song."""
+
     duration_s: float
-    metre: int  # counts in a bar, or 0 if there are no bars
-    tempo_bpm: NDArray[np.float64]  # (S,) at which it is counted, nan without counts
-    genres: tuple[str, ...]  # (S,) that are danced
-    energy: NDArray[np.float32]  # (S,) 0 … 1 from soft to loud
-    motion_s: NDArray[np.float64]  # (S,) seconds of motion of the genre and metre that fit the tempo
-    reasons: tuple[str, ...]  # (S,) one of `REASONS`, or empty where the second is covered
-    probability: float  # of the least certain genre
-    notes: tuple[str, ...]  # of the analysis, such as a tempo that was halved
+    """Length of the song in seconds."""
+
+    metre: int
+    """Counts in a bar, or 0 if there are no bars."""
+
+    tempo_bpm: NDArray[np.float64]
+    """(S,) tempo at which each second is counted, in beats per minute, nan without counts."""
+
+    genres: tuple[str, ...]
+    """(S,) genre that is danced in each second."""
+
+    energy: NDArray[np.float32]
+    """(S,) from 0 to 1, from soft to loud."""
+
+    motion_s: NDArray[np.float64]
+    """(S,) seconds of motion of the genre and metre that fit the tempo."""
+
+    reasons: tuple[str, ...]
+    """(S,) one of `REASONS`, or empty where the second is covered."""
+
+    probability: float
+    """Probability of the least certain genre, 0 to 1."""
+
+    notes: tuple[str, ...]
+    """What was unusual in the analysis, such as a tempo that was halved."""
 
     @property
     def poor_s(self) -> int:
@@ -68,13 +87,26 @@ class SongCoverage:
 class Lack:
     """Motion that a repertoire lacks for some seconds of songs."""
 
-    reason: str  # one of `REASONS`
+    reason: str
+    """One of `REASONS`."""
+
     genre: str
+    """The genre that the motion must have."""
+
     metre: int
-    tempo_bpm: int  # the lowest of a range of 10
-    energy: str  # "calm", "lively" or empty
+    """Counts in a bar, or 0 for any."""
+
+    tempo_bpm: int
+    """The lowest tempo of a range of 10 beats per minute."""
+
+    energy: str
+    """"calm", "lively" or empty."""
+
     seconds: int
+    """Number of seconds of the songs that lack it."""
+
     songs: tuple[str, ...]
+    """Names of these songs."""
 
     def __str__(self) -> str:
         metre = f" in {self.metre}" if self.metre else ""
@@ -87,9 +119,16 @@ class Coverage:
     """How a repertoire covers songs, and what it lacks for them."""
 
     songs: tuple[SongCoverage, ...]
-    lacks: tuple[Lack, ...]  # the most seconds first
-    unused: tuple[str, ...]  # takes that no second of the songs can use
+    """What is covered of each song."""
+
+    lacks: tuple[Lack, ...]
+    """What is lacking, the most seconds first."""
+
+    unused: tuple[str, ...]
+    """Names of takes that no second of the songs can use."""
+
     motion: TakeMotion
+    """The motion of the takes."""
 
 
 @default_numerics()

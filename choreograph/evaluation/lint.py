@@ -35,9 +35,14 @@ KINDS = (DUPLICATE, FEET, GENRE, COUNTS, NOT_DANCED)  # of findings, in the orde
 class Finding:
     """One thing that is likely wrong with a take."""
 
-    kind: str  # one of `KINDS`
-    take: str  # its name, or "" for the whole repertoire
-    text: str  # with what was expected and what was found
+    kind: str
+    """One of `KINDS`."""
+
+    take: str
+    """Name of the take, or "" for the whole repertoire."""
+
+    text: str
+    """What was expected and what was found."""
 
     def __str__(self) -> str:
         return f"{self.take}: {self.text}" if self.take else self.text

@@ -26,9 +26,14 @@ from choreograph.library.repertoire import Repertoire
 class Range:
     """The values of a measure in real dancing: percentiles of windows."""
 
-    low: float  # 5th
+    low: float
+    """5th percentile."""
+
     median: float
-    high: float  # 95th
+    """Median."""
+
+    high: float
+    """95th percentile."""
 
     def holds(self, value: float) -> bool:
         """Whether a value is inside the range."""
@@ -52,11 +57,22 @@ class Cell:
     """A measure of a genre beside the real range."""
 
     genre: str
+    """Name of the genre."""
+
     measure: str
+    """Name of the measure."""
+
     unit: str
-    value: float  # median of the windows
+    """Unit of the values."""
+
+    value: float
+    """Median of the windows."""
+
     real: Range
-    of_genre: bool  # whether the range is that of real takes of the same genre
+    """The range of real takes."""
+
+    of_genre: bool
+    """Whether the range is that of real takes of the same genre."""
 
     @property
     def is_inside(self) -> bool:

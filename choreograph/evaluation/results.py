@@ -58,22 +58,40 @@ SINGLE = "dance"  # the only column if a single dance is evaluated
 class MeasuredDance:
     """The scores of one dance or real take."""
 
-    variant: str  # or `EXPERT`, `REAL`
-    song: str  # its name
-    seed: int  # of the dance
-    scores: Scores  # metric values and their chance levels
-    plan: Plan | None = None  # if it is known
-    phases: DancedPhases | None = None  # of its motion beats in the counts
+    variant: str
+    """Name of the variant, or `EXPERT` or `REAL`."""
+
+    song: str
+    """Name of the song."""
+
+    seed: int
+    """Seed of the dance."""
+
+    scores: Scores
+    """Values of the metrics and their chance levels."""
+
+    plan: Plan | None = None
+    """The plan, if it is known."""
+
+    phases: DancedPhases | None = None
+    """Phases of its motion beats in the counts."""
 
 
 @dataclass(frozen=True, eq=False)
 class ExampleDance:
     """A dance kept whole, for the plots."""
 
-    variant: str  # its name
+    variant: str
+    """Name of the variant."""
+
     motion: Motion
-    plan: Plan | None  # if it is known
+    """The dance."""
+
+    plan: Plan | None
+    """The plan, if it is known."""
+
     motifs: DancedMotifs | None = None
+    """The motifs that are danced."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,22 +99,42 @@ class ExampleSong:
     """All dances to one song, for the plots."""
 
     song: str
-    music_beats_s: Floats  # (Q,)
+    """Name of the song."""
+
+    music_beats_s: Floats
+    """(Q,) beats of the song in seconds."""
+
     dances: tuple[ExampleDance, ...]
-    template: Floats | None = None  # (K,) signature of its genre
+    """All dances to it."""
+
+    template: Floats | None = None
+    """(K,) signature of its genre."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """All results of an evaluation. `tables` summarises them."""
 
-    facts: Mapping[str, Any]  # what was evaluated and how, for the report and JSON
-    variants: Mapping[str, str]  # name -> description, in the order of the tables
-    dances: tuple[MeasuredDance, ...]  # all dances and real takes
-    sets: tuple[MeasuredDance, ...]  # all songs together: `song` is ""
-    notes: tuple[str, ...] = ()  # on what was unusual, one line each
-    example: ExampleSong | None = None  # all dances to one song, for the plots
-    expert_phases: tuple[DancedPhases, ...] = ()  # that the phases of dances are compared with
+    facts: Mapping[str, Any]
+    """What was evaluated and how, for the report and JSON."""
+
+    variants: Mapping[str, str]
+    """Description of each variant by its name, in the order of the tables."""
+
+    dances: tuple[MeasuredDance, ...]
+    """All dances and real takes."""
+
+    sets: tuple[MeasuredDance, ...]
+    """The scores of all songs together. Their `song` is empty."""
+
+    notes: tuple[str, ...] = ()
+    """What was unusual, one line each."""
+
+    example: ExampleSong | None = None
+    """All dances to one song, for the plots."""
+
+    expert_phases: tuple[DancedPhases, ...] = ()
+    """The phases that those of dances are compared with."""
 
     __repr__ = one_line
 

@@ -75,9 +75,17 @@ class Motion:
     """
 
     skeleton: Skeleton
-    root_pos_m: NDArray[np.float64]  # (T, 3)
-    local_quat: NDArray[np.float64]  # (T, J, 4)
+    """The body that moves, with J joints."""
+
+    root_pos_m: NDArray[np.float64]
+    """(T, 3) position of the root joint in each frame, in metres."""
+
+    local_quat: NDArray[np.float64]
+    """(T, J, 4) rotation of each joint in its parent's frame, and of the root in the world. Unit quaternions
+    `wxyz`."""
+
     fps: float
+    """Frames per second."""
 
     def __post_init__(self) -> None:
         check_kind("the skeleton of a motion", self.skeleton, Skeleton)
@@ -233,10 +241,17 @@ class Credits:
     'waltz'
     """
 
-    genre: str = ""  # such as "waltz"
-    performer: str = ""  # name of the dancer
-    licence: str = ""  # of the motion, such as "CC BY 4.0"
-    source: str = ""  # data set or studio
+    genre: str = ""
+    """The genre that is danced, such as "waltz"."""
+
+    performer: str = ""
+    """Name of the dancer."""
+
+    licence: str = ""
+    """Licence of the motion, such as "CC BY 4.0"."""
+
+    source: str = ""
+    """Data set or studio that it comes from."""
 
     __repr__ = one_line
 
@@ -259,16 +274,36 @@ class Take:
     ('waltz', True)
     """
 
-    name: str  # unique in a repertoire
-    motion: Motion  # on any skeleton
-    credits: Credits  # genre, performer, licence and source
-    song_path: Path | None = None  # file of its music, or None without music
-    song_start_s: float = 0.0  # time in the song file of the motion's first frame
-    song_name: str = ""  # the same for all takes of a song: splits keep them together
-    source_paths: tuple[Path, ...] = ()  # all files the take was read from, for checksums
-    notes: tuple[str, ...] = ()  # anything unusual in the files and how it was handled, one line each
-    counts: Counts = NO_COUNTS  # in seconds from the first frame, if they are known
-    figures: tuple[Figure, ...] = ()  # in order, if the data names them
+    name: str
+    """Its name, unique in a repertoire."""
+
+    motion: Motion
+    """What was recorded, on any skeleton."""
+
+    credits: Credits
+    """Genre, performer, licence and source."""
+
+    song_path: Path | None = None
+    """File of its music, or None without music."""
+
+    song_start_s: float = 0.0
+    """Time of the first frame in the song file, in seconds."""
+
+    song_name: str = ""
+    """Name of the song, the same for all takes of one song, which are never split between training and
+    test."""
+
+    source_paths: tuple[Path, ...] = ()
+    """All files that the take was read from, for checksums."""
+
+    notes: tuple[str, ...] = ()
+    """What was unusual in the files and how it was handled, one line each."""
+
+    counts: Counts = NO_COUNTS
+    """Its counts in seconds from the first frame, if they are known."""
+
+    figures: tuple[Figure, ...] = ()
+    """Its named figures in order of time, if the data names them."""
 
     __repr__ = one_line
 

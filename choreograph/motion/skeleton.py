@@ -62,14 +62,24 @@ class Skeleton:
     array([0. , 1.6, 0. ])
     """
 
-    names: tuple[str, ...]  # (J,)
-    parents: NDArray[np.int64]  # (J,) parent's index, -1 for the root, which is joint 0
-    offsets_m: NDArray[np.float64]  # (J, 3) from the parent in the rest pose. The root's is its rest position
-    # End sites (bone ends without channels, as in BVH): parent joint and offset.
-    tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))  # (E,)
-    tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))  # (E, 3)
-    # Canonical name -> joint, for a rig with unknown names of joints: see `rigs.joint_roles`.
+    names: tuple[str, ...]
+    """(J,) names of the joints, all different. The root is the first one."""
+
+    parents: NDArray[np.int64]
+    """(J,) index of each joint's parent, -1 for the root. Parents come before their children."""
+
+    offsets_m: NDArray[np.float64]
+    """(J, 3) offset of each joint from its parent in the rest pose, in metres. The root's is its rest
+    position."""
+
+    tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    """(E,) joint of each end site. End sites are ends of bones without channels, as in BVH."""
+
+    tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """(E, 3) offset of each end site from its joint, in metres."""
+
     roles: Mapping[str, int] | None = field(default=None, kw_only=True)
+    """Canonical name to index of a joint, for a rig whose names of joints are not known, or None."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", as_texts("names of joints", self.names))

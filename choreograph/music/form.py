@@ -44,8 +44,11 @@ _REPEAT_REWARD = 1.5  # of four bars that are repeated exactly
 class Sections:
     """Consecutive sections of a song, or none if the song has too few beats."""
 
-    bounds_s: Floats  # (S + 1,), or (0,)
-    labels: NDArray[np.int64]  # (S,): equal labels are the same music repeated
+    bounds_s: Floats
+    """(S + 1,) times in seconds at which sections begin, and the end of the last one, or (0,)."""
+
+    labels: NDArray[np.int64]
+    """(S,) label of each section. Equal labels are the same music repeated."""
 
     def __len__(self) -> int:
         return len(self.labels)
@@ -67,10 +70,19 @@ class Phrase:
     """A span of the music of about 4 or 8 bars, from one count 1 to another."""
 
     start_s: float
-    end_s: float  # the start of the next phrase, or the last count of the song
+    """When it begins, in seconds."""
+
+    end_s: float
+    """When it ends, in seconds: at the start of the next phrase, or at the last count of the song."""
+
     n_counts: int
-    section: int  # index of the section in which it begins
-    repeats: int | None = None  # index of the first phrase that it repeats count by count, None if it is new
+    """Its length in counts."""
+
+    section: int
+    """Index of the section in which it begins."""
+
+    repeats: int | None = None
+    """Index of the first phrase that it repeats count by count, or None if it is new."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +98,7 @@ class Form:
     """
 
     phrases: tuple[Phrase, ...]
+    """The phrases in order of time, without gaps."""
 
     @classmethod
     def empty(cls) -> Form:

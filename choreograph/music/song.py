@@ -55,11 +55,20 @@ class Song:
     (10.0, 5.0)
     """
 
-    samples: NDArray[np.float32]  # (S,) at 22.05 kHz
-    name: str  # for plans and messages
-    path: Path | None = None  # of its file, if there is one
-    notes: tuple[str, ...] = ()  # on what is unusual, one line each
-    start_s: float = 0.0  # of the first sample in the file
+    samples: NDArray[np.float32]
+    """(S,) sound in -1 to 1, mono, at 22,050 samples per second."""
+
+    name: str
+    """Its name in plans and messages."""
+
+    path: Path | None = None
+    """The file it was read from, if there is one."""
+
+    notes: tuple[str, ...] = ()
+    """What is unusual, one line each."""
+
+    start_s: float = 0.0
+    """Time of the first sample in the file, in seconds."""
 
     __repr__ = one_line
 

@@ -34,19 +34,46 @@ class SongFeatures:
     """
 
     name: str
+    """Name of the song."""
+
     duration_s: float
-    counts: Counts  # the beats, numbered in their bars
-    style: NDArray[np.float32]  # (S, 32) embedding of the 4 s from each second
-    beat_count: NDArray[np.float32]  # (S,) motion beats expected in those 4 s
-    density: NDArray[np.float32]  # (S, 80) target tempo-density of those 4 s, 20 fps
+    """Length of the song in seconds."""
+
+    counts: Counts
+    """The beats, numbered in their bars."""
+
+    style: NDArray[np.float32]
+    """(S, 32) style vector of the music from each second on."""
+
+    beat_count: NDArray[np.float32]
+    """(S,) motion beats expected in the 4 s from each second on."""
+
+    density: NDArray[np.float32]
+    """(S, 80) target tempo-density of the 4 s from each second on, at 20 fps."""
+
     sections: Sections
-    energy: NDArray[np.float32]  # (S,) 0 … 1 from its soft to its loud level: see `energy_per_second`
-    opening_s: float  # the first count that is danced. Before it the first pose is held
-    closing_s: float  # the last count that is danced
-    onset_density: NDArray[np.float32]  # (S,) of the 4 s from each second, as a rank in the song, 0 … 1
-    off_beat: float = 1.0  # share of percussion that is between the beats: see `off_beat_share`
-    form: Form = field(default_factory=Form.empty)  # its phrases, and which of them repeat others
-    stops_s: tuple[tuple[float, float], ...] = ()  # from when a dance rests, until when it moves again
+    """The sections of the song, and which of them are the same music."""
+
+    energy: NDArray[np.float32]
+    """(S,) from 0 to 1, from the soft level of the song to its loud one (`energy_per_second`)."""
+
+    opening_s: float
+    """Time of the first count that is danced, in seconds. Before it, the first pose is held."""
+
+    closing_s: float
+    """Time of the last count that is danced, in seconds."""
+
+    onset_density: NDArray[np.float32]
+    """(S,) onsets in the 4 s from each second on, as a rank in the song from 0 to 1."""
+
+    off_beat: float = 1.0
+    """Share of the percussion that is between the beats (`off_beat_share`), from 0 to 1."""
+
+    form: Form = field(default_factory=Form.empty)
+    """The phrases of the song, and which of them repeat others."""
+
+    stops_s: tuple[tuple[float, float], ...] = ()
+    """From when a dance rests to when it moves again, in seconds, for each silence of whole bars."""
 
     __repr__ = one_line
 

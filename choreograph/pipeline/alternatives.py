@@ -33,11 +33,20 @@ class Alternative:
     True
     """
 
-    dance: Dance  # the whole dance
-    start_s: float  # from when on it differs
-    end_s: float  # until when
-    costs: dict[str, float]  # by name, in metres of joint distance
-    why: str  # such as "same motifs, quieter, from another dancer"
+    dance: Dance
+    """The whole dance, with this part in it."""
+
+    start_s: float
+    """When the part that differs begins, in seconds."""
+
+    end_s: float
+    """When it ends, in seconds."""
+
+    costs: dict[str, float]
+    """Its costs by name, in metres of joint distance."""
+
+    why: str
+    """How it differs, such as "same motifs, quieter, from another dancer"."""
 
     @property
     def cost(self) -> float:

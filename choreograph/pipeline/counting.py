@@ -39,30 +39,33 @@ _SURE_SONG_CONFIDENCE = 0.5
 
 @dataclass(frozen=True, eq=False)
 class CountedFile:
-    """The counts of a file, with what follows from them.
-
-    Parameters
-    ----------
-    name : str          of the file, without its suffix
-    kind : str          "motion" or "song"
-    duration_s : float
-    counts : Counts     none if none were found
-    loops : tuple       for each length, the best `Loop`. Its distance is that of the poses in metres, or that
-                        of the music, 1 for any two places of the song
-    figures : tuple     the `Figure`s that are stated with a motion, or the phrases of a song. Those that
-                        repeat each other have the same letter
-    is_sure : bool      whether the counts are stated or likely to be right
-    take : Take         the animation, or None for a song
-    """
+    """The counts of a file, with what follows from them."""
 
     name: str
+    """Name of the file without its suffix."""
+
     kind: str
+    """What it holds, "motion" or "song"."""
+
     duration_s: float
+    """Length in seconds."""
+
     counts: Counts
+    """Its counts, or none if none were found."""
+
     loops: tuple[Loop, ...]
+    """The best loop of each length. Its distance is that of the poses in metres, or that of the music, in
+    which 1 is the distance of any two places of the song."""
+
     figures: tuple[Figure, ...]
+    """The figures that are stated with a motion, or the phrases of a song. Phrases that repeat each other
+    have the same letter."""
+
     is_sure: bool
+    """Whether the counts are stated or likely to be right."""
+
     take: Take | None = None
+    """The animation, or None for a song."""
 
     @property
     def tempo_bpm(self) -> float | None:

@@ -78,12 +78,23 @@ class Dance:
     >>> dance.save("dance.bvh")
     """
 
-    motion: Motion  # the rendered dance
-    plan: Plan  # the takes that are danced, with their times and costs
-    notes: tuple[str, ...] = ()  # on what is unusual, one line each
-    song_path: Path | None = None  # for the sound of pages and videos, which are silent without it
-    unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each, also in notes
-    figures: tuple[Figure, ...] = ()  # that are danced, in its seconds, which say what the hands do
+    motion: Motion
+    """The rendered dance."""
+
+    plan: Plan
+    """The takes that are danced, with their times and costs."""
+
+    notes: tuple[str, ...] = ()
+    """What was unusual, one line each."""
+
+    song_path: Path | None = None
+    """File of the song, for the sound of pages and videos, which are silent without it."""
+
+    unmet: tuple[str, ...] = ()
+    """What was requested and is not danced, one line each. These lines are in the notes, too."""
+
+    figures: tuple[Figure, ...] = ()
+    """The figures that are danced, in seconds of the dance, which say what the hands do."""
 
     def __post_init__(self) -> None:
         check_kind("the motion of a dance", self.motion, Motion)

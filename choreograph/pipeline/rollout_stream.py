@@ -52,9 +52,15 @@ class RolloutFrame:
     (0.0, (3,), (24, 4))
     """
 
-    time_s: float  # in the song
-    root_pos_m: Floats  # (3,)
-    local_quat: Floats  # (J, 4) on `RolloutStream.skeleton`, with signs continuous in time
+    time_s: float
+    """Time in the song, in seconds."""
+
+    root_pos_m: Floats
+    """(3,) position of the root joint, in metres."""
+
+    local_quat: Floats
+    """(J, 4) rotations on `RolloutStream.skeleton`, unit quaternions `wxyz`, with signs continuous in
+    time."""
 
     __repr__ = one_line
 

@@ -66,9 +66,14 @@ class Dancer:
     ('dancer 2', <Motion: 240 frames at 60 fps (4.0 s), 24 joints>)
     """
 
-    name: str  # unique in the scene
-    dance: Dance  # the motion on the stage, and the plan of the dance that it is made from
-    character: GltfCharacter | None = None  # that dances instead of the mannequin
+    name: str
+    """Its name, unique in the scene."""
+
+    dance: Dance
+    """The motion on the stage, and the plan of the dance that it is made from."""
+
+    character: GltfCharacter | None = None
+    """The character that dances instead of the mannequin, or None."""
 
     def __post_init__(self) -> None:
         check_text("the name of a dancer", self.name)
@@ -93,10 +98,17 @@ class Scene:
     >>> scene.save("house.html")
     """
 
-    dancers: tuple[Dancer, ...]  # the leader first
-    plan: ScenePlan  # that is rendered again by `render_scene`
-    notes: tuple[str, ...] = ()  # on what is unusual, one line each
-    song_path: Path | None = None  # for the sound of pages and videos
+    dancers: tuple[Dancer, ...]
+    """The dancers, the leader first."""
+
+    plan: ScenePlan
+    """The plan, which `render_scene_plan` renders again."""
+
+    notes: tuple[str, ...] = ()
+    """What was unusual, one line each."""
+
+    song_path: Path | None = None
+    """File of the song, for the sound of pages and videos, or None."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dancers", as_list("dancers of a scene", self.dancers, "Dancer", Dancer))

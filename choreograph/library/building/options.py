@@ -218,7 +218,10 @@ class BuildResult(NamedTuple):
     """
 
     repertoire: Repertoire
+    """The repertoire that was built, opened."""
+
     notes: tuple[str, ...]
+    """What was unusual, one line for each kind."""
 
     @property
     def details(self) -> tuple[Note, ...]:
