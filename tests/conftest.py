@@ -57,9 +57,9 @@ def _build_in_one_process() -> None:
 
 def _keep_no_results() -> None:
     """Builds measure all takes unless told to: tests change functions, of which keys have only the names."""
-    from choreograph.core import kept
+    from choreograph.core import cache
 
-    kept.kept_folder = lambda: (None, "")
+    cache.results_cache = lambda max_bytes: cache.DiskCache(None, max_bytes)
 
 
 def _open_built_in_repertoire_once() -> None:

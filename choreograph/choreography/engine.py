@@ -18,8 +18,9 @@ from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.material import Material
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.arguments import check_choice, unexpected
+from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import NO_MEMORY, AnyFloats, Memory
+from choreograph.core.numerics import AnyFloats
 from choreograph.core.plugins import installed
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire

@@ -18,10 +18,11 @@ from choreograph.choreography.genres import (
     style_losses,
     tempi_of_takes,
 )
-from choreograph.choreography.kept_analysis import Analysis, kept_analysis, tracker_digest
+from choreograph.core.cache import NO_MEMORY, DiskCache, Memory
 from choreograph.core.counts import Counts
+from choreograph.core.files import sha256_of
 from choreograph.core.free_memory import return_memory
-from choreograph.core.numerics import NO_MEMORY, Floats, Memory, one_thread
+from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, check_beats, names_a_tracker, song_counts
@@ -43,10 +44,18 @@ from choreograph.music.song_features import SongFeatures, energy_per_second, mus
 from choreograph.music.spectral import spectral_features
 from choreograph.nets.inference import SongStyle
 
+Analysis = tuple[SongFeatures, tuple[str, ...]]  # with notes
+
+_MAX_BYTES = 64 << 20  # of all analyses in the cache: about 600 songs of three minutes
 _STEPS = 100  # of the progress, most of which is for the sections
 _SAME_TEMPO = 0.015  # largest relative difference of tempi that count as the same
 _OTHER_LEVEL = 0.25  # loss per second of another level than the tracked one. That of the style is up to 0.5
 _WHOLE_SONG = 0.8  # of its duration: a note on a shorter part states where it is
+
+
+def analyses_cache() -> DiskCache:
+    """The user's cache of what is analysed of songs."""
+    return DiskCache.of_user("analyses", _MAX_BYTES)
 
 
 @one_thread()
@@ -76,10 +85,13 @@ def analyse_song(
     def analyse() -> Analysis:
         return _analysis(song, repertoire, beats, genre, report)
 
-    analysis = memory.value(
-        lambda: kept_analysis(song, repertoire, beats, genre, analyse) if keep else analyse(),
-        "analysis", song.samples_sha256, song.name, song.notes, song.start_s, tracker_digest(beats), genre,
-    )  # fmt: skip
+    tracker = str(beats) if names_a_tracker(beats) else sha256_of(beats)
+    inputs = song.samples_sha256, song.name, song.notes, song.start_s, tracker, genre
+
+    def cached() -> Analysis:
+        return analyses_cache().value(analyse, repertoire.analysis_digest, *inputs) if keep else analyse()
+
+    analysis = memory.value(cached, "analysis", *inputs)
     if report is not None:
         report(_STEPS, _STEPS)
     return analysis

@@ -275,7 +275,7 @@ def _change(
 
 def _check(sources: Sequence[Path | str], settings: BuildOptions, *, quiet: bool) -> None:
     """Print a row for each file of the sources. Raises if a build would fail."""
-    from choreograph.core.kept import keeping
+    from choreograph.core.cache import caching
     from choreograph.core.workers import working
     from choreograph.formats.remote import local_sources
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
@@ -285,7 +285,7 @@ def _check(sources: Sequence[Path | str], settings: BuildOptions, *, quiet: bool
         TemporaryDirectory() as folder,
         local_sources(sources, Path(folder), shown.report) as paths,
         working(settings.workers, settings.dask, stage=settings.stage),
-        keeping(settings.cache_gb),
+        caching(settings.cache_gb),
     ):
         read = [path.absolute() for path in paths] if settings.dask else paths
         imported = import_sources(read, settings, shown.report)

@@ -11,10 +11,10 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from choreograph.core.cache import each_cached, key_of
 from choreograph.core.counts import ANNOTATED, make_counts
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError, UnreadableFilesError
 from choreograph.core.files import sha256_of
-from choreograph.core.kept import each_kept, key_of
 from choreograph.formats import motion_suffixes
 from choreograph.formats.gltf_files import referenced_files
 from choreograph.formats.tables import SUFFIX as COUNTS_SUFFIX
@@ -106,9 +106,9 @@ def each_attempted(
 ) -> Iterator[Content | SkippedFile]:
     """`attempted` for each pair of a function and a path, in the processes of `core.workers`.
 
-    Inside of `core.kept.keeping`, what was read from files of the same names and contents is not read again.
+    Inside of `core.cache.caching`, what was read from files of the same names and contents is not read again.
     """
-    return each_kept(
+    return each_cached(
         _attempted_job,
         jobs,
         key=_job_key,

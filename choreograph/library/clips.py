@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.cache import CachedRows
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds, times_to_frames
 from choreograph.library.checks import check_parts
 from choreograph.library.derived import root_frame_rows
-from choreograph.library.rows import KeptBlocks
 from choreograph.library.schema import MADE_ROWS
 from choreograph.library.shards import AnyFile
 from choreograph.motion import rotations as rot
@@ -180,9 +180,9 @@ class ClipMotion:
         return self._made_poses.rows(rows, self._make_poses)
 
     @cached_property
-    def _made_poses(self) -> KeptBlocks:
+    def _made_poses(self) -> CachedRows:
         n_frames = self._file.shapes["body/pos_m"][0]
-        return KeptBlocks((n_frames, 2, len(BODY_JOINTS), 3), "f4", MADE_ROWS, None)
+        return CachedRows((n_frames, 2, len(BODY_JOINTS), 3), "f4", MADE_ROWS)
 
     def _make_poses(self, blocks: Sequence[int]) -> Iterator[NDArray[np.float32]]:
         """Blocks of `_root_frame` of a compressed file."""

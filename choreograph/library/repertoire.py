@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
+from choreograph.core.cache import digest
 from choreograph.core.counts import UNKNOWN, Counts, Figure, bar_positions
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import Floats, Indices, digest
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import counted, cut_line, html_table
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
 from choreograph.library.body_positions import stored_motion, stored_skeleton

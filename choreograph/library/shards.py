@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.cache import MOST_ROW_BYTES, digest
 from choreograph.core.errors import RepertoireError
-from choreograph.core.numerics import AnyInts, digest
+from choreograph.core.numerics import AnyInts
 from choreograph.library.derived import genre_arrays
 from choreograph.library.motifs import Motifs
-from choreograph.library.rows import MOST_BYTES
 from choreograph.library.schema import DERIVED, MOTIFS, OPTIONAL, NetArrays, layout_of
 from choreograph.library.store import RepertoireFile
 from choreograph.library.vocabulary import make_vocabulary, motif_arrays
@@ -55,7 +55,7 @@ class RepertoireShards:
 
     def __init__(self, paths: Sequence[Path], path: Path) -> None:
         self.path, self.paths = path, tuple(paths)
-        most_bytes = max(_LEAST_BYTES, MOST_BYTES // len(paths))
+        most_bytes = max(_LEAST_BYTES, MOST_ROW_BYTES // len(paths))
         self._shards = [RepertoireFile(one, most_bytes=most_bytes) for one in paths]
         first = self._shards[0]
         self.density, self.net_names = first.density, first.net_names

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.cache import each_cached, key_of
 from choreograph.core.counts import ANNOTATED, Counts, count_phase, index_at, time_at
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
-from choreograph.core.kept import each_kept, key_of
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, times_to_frames
@@ -132,7 +132,7 @@ class SongCache:
         new = [path for path in dict.fromkeys(paths) if path not in self._analysed]
         analyse = partial(_analysed, beats=self._beats, keep_samples=self._keep_samples)
         key = partial(_analysis_key, analyse) if not self._keep_samples else lambda path: None
-        each_song = each_kept(analyse, new, key=key, files=lambda path: [path])
+        each_song = each_cached(analyse, new, key=key, files=lambda path: [path])
         for done, (path, song) in enumerate(zip(new, each_song, strict=True)):
             self._analysed[path] = song
             if report is not None:

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.cache import MOST_ROW_BYTES, CachedRows
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import AnyInts
 from choreograph.library import checks
@@ -28,7 +29,6 @@ from choreograph.library.hdf5 import (
     stored_array,
     text_attribute,
 )
-from choreograph.library.rows import MOST_BYTES, KeptBlocks
 from choreograph.library.schema import (
     DELTA_RESTART,
     FORMAT,
@@ -71,7 +71,7 @@ class RepertoireFile:
     `most_bytes` are kept.
     """
 
-    def __init__(self, path: Path, *, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, path: Path, *, most_bytes: int = MOST_ROW_BYTES) -> None:
         self.path, self._most_bytes = Path(path), most_bytes
         self.paths = (self.path,)
         if self.path.is_dir():
@@ -97,8 +97,8 @@ class RepertoireFile:
             self.quantised = frozenset(array.name for array in stored if array.is_quantised)
             self._block_rows = {array.name: _block_rows(array) for array in stored}
             self._block_rows |= dict.fromkeys(self._left_out, MADE_ROWS)
-            self._kept: dict[str, KeptBlocks] = {}
-            self._positions: BodyPositions | None = None  # of the file that `_kept` was read from
+            self._rows: dict[str, tuple[object, CachedRows]] = {}  # with the state of the file
+            self._positions: BodyPositions | None = None  # of the file that `_rows` were read from
 
     def _check_version(self, file: h5py.File) -> None:
         kind = text_attribute(file, "format")
@@ -182,19 +182,19 @@ class RepertoireFile:
         """
         with file_named(self.path, "a repertoire"):
             status = self.path.stat()
-        kept = self._kept.get(name)
         state = status.st_mtime_ns, status.st_size, status.st_ino
-        if kept is None or kept.state != state:
-            kept = self._kept[name] = KeptBlocks(
-                self.shapes[name], self._kinds[name], self._block_rows[name], state, self._most_bytes
-            )
+        before, kept = self._rows.get(name, (None, None))
+        if kept is None or before != state:
+            of = self.shapes[name], self._kinds[name], self._block_rows[name]
+            kept = CachedRows(*of, self._most_bytes)
+            self._rows[name] = state, kept
             if name in self._left_out:
                 self._positions = None
         return kept.rows(rows, partial(self._blocks, name))
 
     def forget_rows(self) -> None:
         """Free the memory of the rows that are kept."""
-        self._kept.clear()
+        self._rows.clear()
 
     def _blocks(self, name: str, blocks: Sequence[int]) -> Iterator[NDArray[Any]]:
         n_rows, n_all = self._block_rows[name], self.shapes[name][0]

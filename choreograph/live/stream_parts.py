@@ -22,8 +22,8 @@ from choreograph.choreography.genres import likely_genre
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.cache import Memory
 from choreograph.core.counts import Counts, Figure
-from choreograph.core.numerics import Memory
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, STORE_FPS, seconds_to_frames
 from choreograph.formats.register import save_motion
 from choreograph.library.builtin import as_repertoire

@@ -104,7 +104,7 @@ def peak_of(samples: Samples) -> float:
 
 
 def sha256_of_samples(samples: Samples) -> bytes:
-    """A checksum of samples (S,), which takes half the time of `core.numerics.digest`."""
+    """A checksum of samples (S,), which takes half the time of `core.cache.digest`."""
     checksum = hashlib.sha256()
     for block in sample_blocks(samples):
         checksum.update(np.ascontiguousarray(block).data)

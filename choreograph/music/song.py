@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,9 @@ import soxr
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_number, as_texts, check_text, unexpected
+from choreograph.core.cache import NO_CACHE, DiskCache
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import as_path, check_regular
+from choreograph.core.files import as_path, check_regular, sha256_of
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
@@ -34,6 +35,7 @@ from choreograph.music.samples import (
 )
 
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
+_MAX_BYTES = 4 << 20  # of what is known of files of songs in the cache
 _LONG_S = 3600.0
 _LONGEST_S = 3 * 3600.0
 _SHORTER_S = 0.1  # largest difference to the requested duration without a note
@@ -159,6 +161,27 @@ class KnownSong(Song):
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
         """As `Song.part`."""
         return Song(self.samples, self.name, self.path, self.notes, self.start_s).part(start_s, duration_s)
+
+
+def cached_song(path: str | Path, *, start_s: float, duration_s: float | None, keep: bool = True) -> Song:
+    """As `as_song` of a file, whose samples can be forgotten.
+
+    With `keep`, it is decoded when its samples are used, if the same content was decoded before.
+    """
+    path = as_path("a song", path)
+    check_song_file(path)
+    decoded: Samples | None = None
+
+    def about() -> tuple[tuple[str, ...], int, bytes]:
+        nonlocal decoded
+        decoded, notes = load_sound(path, start_s=start_s, duration_s=duration_s)
+        return notes, len(decoded), sha256_of_samples(decoded)
+
+    inputs = path.stem, sha256_of(path) if keep else "", start_s, duration_s
+    cache = DiskCache.of_user("songs", _MAX_BYTES) if keep else NO_CACHE
+    notes, n_samples, sha256 = cache.value(about, *inputs)
+    decode = partial(load_sound, path, start_s=start_s, duration_s=duration_s)
+    return KnownSong(lambda: decode()[0], path, notes, start_s, n_samples, sha256, decoded)
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:

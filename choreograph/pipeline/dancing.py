@@ -24,12 +24,13 @@ from choreograph.choreography.material import choose_material, missing_from_plan
 from choreograph.choreography.slots import resolve
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, as_texts, check_function, check_kind, unexpected
+from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
 from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
 from choreograph.core.kernel_cache import compiled_ahead
-from choreograph.core.numerics import NO_MEMORY, Memory, default_numerics, one_thread
+from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS

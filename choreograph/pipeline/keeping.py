@@ -11,7 +11,6 @@ import numpy as np
 from choreograph.choreography.constraints import Constraints, Keep
 from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
-from choreograph.choreography.kept_analysis import kept_song
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints, check_pins_in_gaps, kept_dance
 from choreograph.core.errors import ParameterError
 from choreograph.core.progress import substage
@@ -20,7 +19,7 @@ from choreograph.formats.bvh import read_bvh
 from choreograph.formats.npz import read_npz
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
-from choreograph.music.song import Song, as_song
+from choreograph.music.song import Song, as_song, cached_song
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import Plan, PlannedEdit, PlannedWord, words_between
@@ -97,7 +96,7 @@ def part_of(
 ) -> Song:
     """The part of a song to dance to. Without start or length, it is that of an existing dance's plan.
 
-    With `keep`, a file is decoded only if its samples are needed (`kept_song`).
+    With `keep`, a file is decoded only if its samples are needed (`cached_song`).
     """
     begins_s = song.start_s if isinstance(song, Song) else 0.0
     if existing is not None and start_s is None:
@@ -110,7 +109,7 @@ def part_of(
     if existing is not None and duration_s is None:
         duration_s = existing.duration_s
     if isinstance(song, str | Path):
-        return kept_song(song, start_s=start_s or 0.0, duration_s=duration_s, keep=keep)
+        return cached_song(song, start_s=start_s or 0.0, duration_s=duration_s, keep=keep)
     return as_song("a song", song, start_s=start_s or 0.0, duration_s=duration_s)
 
 

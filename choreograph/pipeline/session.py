@@ -16,9 +16,10 @@ from choreograph.choreography.engine import BUILTIN_ENGINES, engine_named
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import installed_costs
 from choreograph.core.arguments import as_floats, as_list, is_whole, unexpected
+from choreograph.core.cache import Memory, digest
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import Memory, default_numerics, digest
+from choreograph.core.numerics import default_numerics
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes

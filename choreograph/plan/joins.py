@@ -16,8 +16,9 @@ from itertools import pairwise
 import numpy as np
 
 from choreograph.core.arguments import as_stage_m
+from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.filters import logistic
-from choreograph.core.numerics import NO_MEMORY, Floats, Indices, Memory
+from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire

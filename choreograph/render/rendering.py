@@ -10,9 +10,10 @@ from itertools import pairwise
 import numpy as np
 
 from choreograph.core.arguments import check_function, check_kind, unexpected
+from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.errors import ParameterError
 from choreograph.core.free_memory import return_memory
-from choreograph.core.numerics import NO_MEMORY, Floats, Memory, default_numerics
+from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire

@@ -7,7 +7,8 @@ from typing import Any
 
 from choreograph.choreography.constraints import parse_ban
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.core.numerics import Memory, RecentItems, one_thread
+from choreograph.core.cache import Memory
+from choreograph.core.numerics import one_thread
 from choreograph.core.progress import ProgressReport, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -36,8 +37,8 @@ class StepDances:
         """Keep what fits in memory for a song of this length."""
         self._memory_bytes = _MEMORY_BYTES + round(_MEMORY_BYTES_PER_S * duration_s)
         self._memory = repertoire, Memory(self._memory_bytes)
-        self._motions: RecentItems[Motion] = RecentItems(round(_MOTION_BYTES_PER_S * duration_s))
-        self._compressed: RecentItems[dict[str, Any]] = RecentItems(_COMPRESSED_BYTES)
+        self._motions = Memory(round(_MOTION_BYTES_PER_S * duration_s))
+        self._compressed = Memory(_COMPRESSED_BYTES)
 
     def memory_of(self, repertoire: Repertoire) -> Memory:
         """What the dances with a repertoire have in common. Only that of the last repertoire is kept."""
@@ -79,11 +80,11 @@ class StepDances:
 
     def keep(self, step: Step, motion: Motion) -> None:
         """Keep the motion of a step for a while."""
-        self._motions.keep(step.number, motion, motion.root_pos_m.nbytes + motion.local_quat.nbytes)
+        self._motions.keep(step.number, motion)
 
     def compressed(self, step: Step, motion: Motion) -> dict[str, Any]:
         """The motion of a step as it is sent to the page."""
-        data = self._compressed.get(step.number)
+        data: dict[str, Any] | None = self._compressed.get(step.number)
         if data is None:
             data = motion_data(motion)
             self._compressed.keep(step.number, data, len(data["motion"]))
@@ -101,7 +102,8 @@ class StepDances:
     ) -> Motion:
         """The motion of a step: that of the nearest step before it which is known, with further edits."""
         todo: list[PlannedEdit] = []
-        known, motion = step, self._motions.get(step.number)
+        motion: Motion | None = self._motions.get(step.number)
+        known = step
         while motion is None and known.parent is not None:
             parent = project.steps[known.parent]
             todo = [*known.edits[len(parent.edits) :], *todo]

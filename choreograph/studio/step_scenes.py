@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.core.cache import Memory
 from choreograph.core.counts import Figure
-from choreograph.core.numerics import RecentItems, default_numerics
+from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.motion.motion import Motion
 from choreograph.music.song_features import SongFeatures
@@ -67,7 +68,7 @@ class StepScenes:
 
     def __init__(self, duration_s: float = 60.0) -> None:
         """Keep what fits in memory for a song of this length."""
-        self._scenes: RecentItems[StagedScene] = RecentItems(round(_SCENE_BYTES_PER_S * duration_s))
+        self._scenes = Memory(round(_SCENE_BYTES_PER_S * duration_s))
         self._others: tuple[str, tuple[Dance, ...]] = "", ()  # of free dancers, the last ones
 
     @default_numerics()
@@ -87,7 +88,7 @@ class StepScenes:
         Raises `ParameterError` for a part of the song that the song does not have.
         """
         key = step.number, step.text, step.base  # of a step that could not be saved, the number is used again
-        known = self._scenes.get(key)
+        known: StagedScene | None = self._scenes.get(key)
         if known is not None:
             return known
         request = step.settings.scene_request()

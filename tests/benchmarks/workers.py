@@ -26,7 +26,7 @@ ONE, POOL = "one process", f"pool of {N_WORKERS}"
 def measured(kind: str, takes: Path) -> dict[str, Any]:
     """Seconds by the clock and of CPU for one kind of workers, or for the scheduler at an address."""
     start, own_s = time.perf_counter(), _cpu_s()
-    from choreograph.core.kept import keeping
+    from choreograph.core.cache import caching
     from choreograph.core.workers import working
     from choreograph.library.building.counting import Counting, load_motion_counter
     from choreograph.library.building.options import BuildOptions
@@ -38,7 +38,7 @@ def measured(kind: str, takes: Path) -> dict[str, Any]:
     counter = load_motion_counter(pretrained_set(options.pretrained))
     dask = "" if kind in (ONE, POOL) else kind
     theirs_s = _workers_cpu_s(dask) if dask else 0.0
-    with keeping(0.0), working(1 if kind == ONE else N_WORKERS, dask):
+    with caching(0.0), working(1 if kind == ONE else N_WORKERS, dask):
         found, _ = measured_takes([takes], options, None, Counting(SongCache(options.beats), counter))
     wall_s = time.perf_counter() - start
     theirs_s = _workers_cpu_s(dask) - theirs_s if dask else theirs_s

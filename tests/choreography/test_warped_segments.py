@@ -16,8 +16,8 @@ from choreograph.choreography.graph.warping import (
     subsequence_dtw,
     warp_by_density,
 )
+from choreograph.core.cache import Memory
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
-from choreograph.core.numerics import Memory
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 from choreograph.music.count_grids import SongGrid, TakeGrids

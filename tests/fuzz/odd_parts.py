@@ -43,7 +43,7 @@ _CALLED = """
     choreograph.core.counts: Counts make_counts
     choreograph.motion.skeleton: Skeleton
     choreograph.motion.motion: Take
-    choreograph.core.kept: KeptEntries
+    choreograph.core.cache: DiskCache
     choreograph.cli: main
     os: system
     torch._utils: _rebuild_tensor_v2

@@ -36,8 +36,8 @@ from synthetic_studies import VARIANTS, rate_all, small_study
 
 import choreograph as cg
 from choreograph.choreography.constraints import read_motifs, read_signature
+from choreograph.core.cache import DiskCache
 from choreograph.core.errors import FormatError
-from choreograph.core.kept import KeptResults
 from choreograph.evaluation.study import KEY_NAME
 from choreograph.evaluation.study_results import read_key, read_ratings
 from choreograph.formats.choreonet import read_choreographies
@@ -177,7 +177,7 @@ def made_pickles(folder: Path) -> Iterator[Target]:
         return hashlib.sha256(data).digest() + data
 
     def result(path: Path) -> Any:
-        found = KeptResults(path.parent, 1 << 30).read(key)
+        found = DiskCache(path.parent, 1 << 30).read(key)
         if found is None:
             raise FormatError("it is made again")
         return found
@@ -185,7 +185,7 @@ def made_pickles(folder: Path) -> Iterator[Target]:
     yield _target(
         folder,
         "made-result",
-        f"{key.hex()}.result",
+        f"{key.hex()}.value",
         "bytes",
         [kept(data) for data in (*pickles, pickle.dumps(MOTION, 5))],
         result,

@@ -9,7 +9,7 @@ from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.core import kept
+from choreograph.core import cache
 from choreograph.formats.register import save_motion
 
 pytestmark = pytest.mark.slow
@@ -30,7 +30,7 @@ def original(tmp_path_factory):
 @pytest.fixture
 def folder(original, tmp_path, monkeypatch):
     shutil.copytree(original, tmp_path, dirs_exist_ok=True)
-    monkeypatch.setattr(kept, "kept_folder", lambda: (tmp_path / "kept", ""))
+    monkeypatch.setattr(cache, "results_cache", lambda size: cache.DiskCache(tmp_path / "kept", size))
     (tmp_path / "kept").mkdir()
     return tmp_path
 

@@ -115,7 +115,7 @@ ELSEWHERE = {
     "existing",
     "report",
     "cache",
-}  # tested in test_keeping and test_kept_analysis, or not to
+}  # tested in test_keeping and test_cached_analysis, or not to
 
 
 def test_the_table_is_whole():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import stepping
 
-from choreograph.core.numerics import Memory
+from choreograph.core.cache import Memory
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Motion

@@ -9,7 +9,7 @@ import pytest
 
 from choreograph.choreography.constraints import Keep
 from choreograph.choreography.graph.local_search import CheapNodes
-from choreograph.core.numerics import Memory
+from choreograph.core.cache import Memory
 from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.dancing import dance_with
 from choreograph.plan.runs import Run

@@ -24,8 +24,8 @@ from choreograph.choreography.graph.returns import FormCost, Returns, Stage
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
+from choreograph.core.cache import Memory
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
-from choreograph.core.numerics import Memory
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
 from choreograph.library.repertoire import Repertoire

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +17,12 @@ from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
 from choreograph.choreography.graph.segments import ClipTable, LayerSource
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
-from choreograph.choreography.kept_analysis import kept_spans
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
+from choreograph.core.cache import DiskCache, digest, program
 from choreograph.core.progress import substage
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_S
+from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids
 from choreograph.music.danced_span import join_times_s
@@ -27,6 +30,9 @@ from choreograph.plan.joins import MAX_STEER_RAD
 
 _FEW_TAKES = 512  # of which all have grids and usage, so that the dances of a session have the same
 _CLIPS_AT_ONCE = 1024  # 220 MB of positions
+_MOST_SPAN_BYTES = 64 << 20  # of the motifs of spans of all repertoires in the cache
+_MOST_SPANS = 1 << 19  # of the takes of a repertoire: 5 MB
+_FEWEST_NEW = 512  # spans, whose motifs take longer to compute than to write
 _TIE_BREAK_S = 4.0  # takes start with random usage up to this, so that another seed gives another dance
 
 
@@ -71,7 +77,7 @@ def make_layers(
         words_s = song_words_s(features)
 
         def labelled() -> NDArray[np.int16]:
-            with kept_spans(repertoire, keep=config.cache) as spans:
+            with cached_spans(repertoire) if config.cache else nullcontext(repertoire.span_motifs) as spans:
                 return node_motifs(segments, clips, words_s, spans.motifs_of)
 
         motifs = request.memory.value(
@@ -90,6 +96,34 @@ def make_layers(
         may_dance=ranks == FIRST if (ranks != FIRST).any() and config.planner != "motion-graph" else None,
         memory=request.memory.of("layers"),
     )  # fmt: skip
+
+
+@contextmanager
+def cached_spans(repertoire: Repertoire) -> Iterator[SpanMotifLookup]:
+    """The motifs of spans of takes, with those of the user's cache, to which many new ones are added.
+
+    Most spans of two dances are the same. The key is that of the files' state, their motifs and the network.
+    """
+    spans, cache = repertoire.span_motifs, DiskCache.of_user("motifs", _MOST_SPAN_BYTES)
+    net, embeddings = repertoire.word_net(), repertoire.vocabulary.motifs.embeddings
+    files = [(str(path.resolve()), _state(path)) for path in repertoire.paths]
+    key = digest(program(), "spans", files, embeddings, net.config, net.weights)
+    known = cache.read(key)
+    if known is not None:
+        spans.add(*known)
+    n_known = len(spans.known[0])
+    yield spans
+    if n_known + _FEWEST_NEW <= len(spans.known[0]) <= _MOST_SPANS:
+        cache.write(key, spans.known)
+
+
+def _state(path: Path) -> tuple[int, int]:
+    """The time of the last change of a file, and its size, or zeros if it is gone."""
+    try:
+        status = path.stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
 
 
 def _joins_s(request: DanceRequest) -> NDArray[np.float64]:

@@ -18,7 +18,8 @@ from choreograph.choreography.graph.layers import (
     repeated,
 )
 from choreograph.choreography.graph.warped_segments import Segments
-from choreograph.core.numerics import NO_MEMORY, AnyFloats, AnyInts, Memory, rows_from
+from choreograph.core.cache import NO_MEMORY, Memory, rows_from
+from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_S
 
 

@@ -19,7 +19,8 @@ from choreograph.choreography.graph.warping import (
     count_time_maps,
     warp_by_density,
 )
-from choreograph.core.numerics import NO_MEMORY, AnyInts, Memory, rows_from
+from choreograph.core.cache import NO_MEMORY, Memory, rows_from
+from choreograph.core.numerics import AnyInts
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
 

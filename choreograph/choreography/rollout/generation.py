@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
-from choreograph.choreography.kept_analysis import kept_rows
 from choreograph.choreography.slots import ResolvedConstraints
+from choreograph.choreography.song_analysis import analyses_cache
 from choreograph.core.errors import ParameterError
 from choreograph.core.filters import gaussian_filter
 from choreograph.core.free_memory import return_memory
@@ -69,10 +69,9 @@ class SongMusic:
         report = substage(request.report, "analysing the music of motifs")
 
         def kept(name: str, times_s: Floats, make: Callable[[], NDArray[np.float32]]) -> NDArray[np.float32]:
-            return request.memory.value(
-                lambda: kept_rows(song, name, times_s, make) if config.cache else make(),
-                *(name, times_s, song.samples_sha256),
-            )
+            inputs = name, times_s, song.samples_sha256
+            cached = (lambda: analyses_cache().value(make, *inputs)) if config.cache else make
+            return request.memory.value(cached, *inputs)
 
         beats_s = request.song_features.beat_times_s
         rhythm = kept("rhythm", beats_s, lambda: rhythm_from(song, beats_s, 0.0))

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from choreograph.core.cache import caching, digest
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
-from choreograph.core.kept import keeping
-from choreograph.core.numerics import digest
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.formats.remote import is_address, local_sources
@@ -94,7 +93,7 @@ def build_repertoire(
         locked_folder(work, doing=doing),
         local_sources(sources, work, report) as paths,
         working(options.workers, options.dask, stage=options.stage) as cluster,
-        keeping(options.cache_gb) as kept,
+        caching(options.cache_gb) as kept,
     ):
         if cluster is not None:
             paths = tuple(source.absolute() for source in paths)  # workers are elsewhere

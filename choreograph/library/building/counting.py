@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from choreograph.core.cache import key_of
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
-from choreograph.core.kept import key_of
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import PretrainedNet

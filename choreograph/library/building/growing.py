@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core.cache import caching
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
-from choreograph.core.kept import keeping
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import working
@@ -99,7 +99,7 @@ def change_takes(
         locked_folder(work, doing=f"changes {target.name}"),
         local_sources(changes.sources, work, report) as paths,
         working(options.workers, options.dask, stage=options.stage),
-        keeping(options.cache_gb) as results,
+        caching(options.cache_gb) as results,
     ):
         if options.dask:
             paths = tuple(source.absolute() for source in paths)  # workers are elsewhere

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import unexpected
+from choreograph.core.cache import DiskCache, each_cached, key_of
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.core.kept import KeptResults, each_kept, key_of
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
@@ -126,7 +126,7 @@ def prepared_takes(
     measure = partial(_measured, target=target, lock=options.lock_feet)
     counter_key = b"" if counting is None else counting.key
     measured, jumps, decisions = [], [], []
-    each_take = each_kept(
+    each_take = each_cached(
         partial(_prepared, measure, count),
         zip(takes, songs, strict=True),
         key=lambda one: None if counter_key is None else key_of(measure, counter_key, *one),
@@ -141,9 +141,9 @@ def prepared_takes(
     return PreparedTakes(measured, jumps, [] if counting is None else count_notes(measured, decisions))
 
 
-def kept_notes(kept: KeptResults | None, n_takes: int) -> list[Note]:
+def kept_notes(kept: DiskCache, n_takes: int) -> list[Note]:
     """A note on the takes whose measurements were kept from an earlier build, if there are any."""
-    n_kept = 0 if kept is None else kept.n_read[_prepared.__name__]
+    n_kept = kept.n_read[_prepared.__name__]
     return [Note("kept takes", values={"kept": n_kept, "takes": n_takes})] if n_kept else []
 
 

@@ -1,4 +1,4 @@
-"""Kept analyses: the same dance, other keys, damaged entries, two processes at once, a bound in bytes."""
+"""Analyses in the cache: the same dance, other keys, damaged files, two processes, a bound in bytes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ import pytest
 import soundfile
 
 import choreograph as cg
-from choreograph.choreography import kept_analysis, song_analysis
-from choreograph.choreography.kept_analysis import kept_song
+from choreograph.choreography import song_analysis
+from choreograph.choreography.graph import layer_source
 from choreograph.choreography.song_analysis import analyse_song
-from choreograph.music.song import load_sound
+from choreograph.music import song as song_module
+from choreograph.music.song import cached_song, load_sound
 from choreograph.nets.inference import WordEmbedder
 
 STARTER = cg.starter_repertoire()
@@ -83,7 +84,7 @@ def decoded(monkeypatch):
         calls.append(arguments)
         return load_sound(*arguments, **keywords)
 
-    monkeypatch.setattr(kept_analysis, "load_sound", counted)
+    monkeypatch.setattr(song_module, "load_sound", counted)
     return calls
 
 
@@ -93,7 +94,7 @@ def test_a_file_of_which_all_is_known_is_not_decoded(cache, tmp_path, decoded):
     first, again = (cg.dance(path, duration_s=8.0) for _ in range(2))
     assert len(decoded) == 1
     assert first.plan.to_json() == again.plan.to_json() and first.notes == again.notes
-    known, whole = kept_song(path, start_s=0.0, duration_s=8.0), cg.load_song(path, duration_s=8.0)
+    known, whole = cached_song(path, start_s=0.0, duration_s=8.0), cg.load_song(path, duration_s=8.0)
     assert (known.name, known.notes, known.start_s) == (whole.name, whole.notes, whole.start_s)
     assert known.duration_s == whole.duration_s and known.samples_sha256 == whole.samples_sha256
     assert not hasattr(known, "another") and len(decoded) == 1
@@ -109,19 +110,19 @@ def test_other_content_other_parts_and_other_names_of_files_are_decoded(cache, t
         soundfile.write(path, SONG.samples, 22050)
     parts = ((paths[0], 0.0, 3.0), (paths[1], 0.0, 3.0), (paths[0], 0.0, 4.0), (paths[0], 1.0, 3.0))
     for n_decoded, (path, start_s, duration_s) in enumerate(parts, start=1):
-        song = kept_song(path, start_s=start_s, duration_s=duration_s)
+        song = cached_song(path, start_s=start_s, duration_s=duration_s)
         assert song.duration_s == duration_s and len(decoded) == n_decoded
     soundfile.write(paths[0], 0.5 * SONG.samples, 22050)
-    kept_song(paths[0], start_s=0.0, duration_s=3.0)
+    cached_song(paths[0], start_s=0.0, duration_s=3.0)
     assert len(decoded) == 5
-    kept_song(paths[0], start_s=0.0, duration_s=3.0)
+    cached_song(paths[0], start_s=0.0, duration_s=3.0)
     assert len(decoded) == 5
 
 
 def test_a_known_song_that_ends_early_has_its_note_again(cache, tmp_path, decoded):
     path = tmp_path / "short.wav"
     soundfile.write(path, SONG.samples[: 5 * 22050], 22050)
-    first, again = (kept_song(path, start_s=0.0, duration_s=8.0) for _ in range(2))
+    first, again = (cached_song(path, start_s=0.0, duration_s=8.0) for _ in range(2))
     assert len(decoded) == 1 and first.notes == again.notes and "the song ends" in again.notes[0]
 
 
@@ -130,7 +131,7 @@ def test_files_that_are_no_songs_are_refused_as_ever(cache, tmp_path):
     (tmp_path / "text.wav").write_text("no sound")
     for name in ("empty.wav", "text.wav", "missing.wav", "."):
         with pytest.raises(cg.FormatError):
-            kept_song(tmp_path / name, start_s=0.0, duration_s=None)
+            cached_song(tmp_path / name, start_s=0.0, duration_s=None)
 
 
 def test_without_the_setting_nothing_is_kept(cache):
@@ -176,7 +177,7 @@ def test_the_entries_used_last_are_kept_within_the_bound(cache, made, monkeypatc
         os.utime(max(cache.iterdir(), key=lambda path: path.stat().st_mtime_ns), (number, number))
     analyse_song(songs[0], STARTER, keep=True)  # the oldest, used now
     size = max(path.stat().st_size for path in cache.iterdir())
-    monkeypatch.setattr(kept_analysis, "MAX_BYTES", 3 * size + 99)
+    monkeypatch.setattr(song_analysis, "_MAX_BYTES", 3 * size + 99)
     analyse_song(songs[3], STARTER, keep=True)
     assert len(list(cache.iterdir())) == 3 and len(made) == 4
     for song, n_made in ((songs[0], 4), (songs[2], 4), (songs[3], 4), (songs[1], 5)):
@@ -231,11 +232,11 @@ def embedded(monkeypatch):
     return calls
 
 
-def looked_up(n_spans=600, *, keep=True):
+def looked_up(n_spans=600):
     """Motifs of spans of takes of the built-in repertoire, which is opened again."""
     repertoire = cg.Repertoire.open(STARTER.path)
     take, start_s = np.divmod(np.arange(n_spans), 200)
-    with kept_analysis.kept_spans(repertoire, keep=keep) as spans:
+    with layer_source.cached_spans(repertoire) as spans:
         return spans.motifs_of(take, start_s / 10, start_s / 10 + 0.5), repertoire
 
 
@@ -246,15 +247,6 @@ def test_the_motifs_of_spans_are_kept(motifs_cache, embedded):
     again, _ = looked_up()
     assert not embedded
     np.testing.assert_array_equal(first, again)
-
-
-def test_without_keep_no_span_is_read_or_written(motifs_cache, embedded):
-    looked_up(keep=False)
-    assert not motifs_cache.exists()
-    looked_up()
-    embedded.clear()
-    looked_up(keep=False)
-    assert sum(embedded) >= 600
 
 
 def test_few_new_spans_are_not_written_and_many_are_added(motifs_cache, embedded):
@@ -268,7 +260,7 @@ def test_few_new_spans_are_not_written_and_many_are_added(motifs_cache, embedded
 
 
 def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
-    monkeypatch.setattr(kept_analysis, "_MOST_SPANS", 599)
+    monkeypatch.setattr(layer_source, "_MOST_SPANS", 599)
     looked_up()
     assert not list(motifs_cache.iterdir())
 
@@ -276,8 +268,8 @@ def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
 def test_spans_of_a_file_that_was_changed_are_looked_up_again(motifs_cache, embedded):
     looked_up()
     embedded.clear()
-    state = kept_analysis._state(STARTER.path)
-    with mock.patch.object(kept_analysis, "_state", return_value=(state[0] + 1, state[1])):
+    state = layer_source._state(STARTER.path)
+    with mock.patch.object(layer_source, "_state", return_value=(state[0] + 1, state[1])):
         looked_up()
     assert sum(embedded) >= 600
 
