@@ -162,21 +162,22 @@ def draw_dance(
     pins: Mapping[int, int],
     banned: Collection[int],
     costs: SlotCosts | None = None,
+    most_draws: int = _MOST_DRAWS,
 ) -> Indices:
     """The motifs (N,) of a dance, in passages of about the setting `phrase_counts`, or one by one if it is 1.
 
-    In passages, several dances are drawn, and the one that is nearest to the signatures of its parts is kept.
-    `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a pin that no
-    passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute", positions in
-    the bar are not regarded, as in Rhythm is a Dancer. The `costs` choose among passages. Raises as
-    `draw_motifs`.
+    In passages, up to `most_draws` dances are drawn, and the one that is nearest to the signatures of its
+    parts is kept. `pins` (slot -> motif) are kept and `banned` motifs avoided, as by `draw_motifs`. Around a
+    pin that no passage has, passages are shorter. One by one and with the setting `motif_draw` "absolute",
+    positions in the bar are not regarded, as in Rhythm is a Dancer. The `costs` choose among passages. Raises
+    as `draw_motifs`.
     """
     draw = _Draw.of(request, constraints, pins, banned, costs)
     if request.config.phrase_counts == 1:
         return draw_motifs_of_parts(
             draw.parts, draw.goals, rng=rng, pins=pins, banned=banned, possible=draw.possible, need=draw.need
         )
-    n_draws = min(1 + (len(draw.parts) - len(pins)) // _WORDS_A_DRAW, _MOST_DRAWS)
+    n_draws = min(1 + (len(draw.parts) - len(pins)) // _WORDS_A_DRAW, most_draws)
     return min((draw.dance(rng) for _ in range(n_draws)), key=draw.away)
 
 

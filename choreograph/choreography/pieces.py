@@ -28,7 +28,7 @@ from choreograph.plan.plan import PlannedWord
 
 
 APART_M = 0.2  # mean joint distance of two pieces that look different
-_MOST_READ = 2048  # pieces, the cheapest by their counts, of which the poses at the ends are read
+_MOST_READ = 2048  # pieces of which the poses at the ends are read
 _MOST_COMPARED = 256  # pieces, the cheapest by their ends, of which the poses within are read
 _POSES_PER_COUNT = 4
 _FAR = 0.75  # of the greatest distance from the dance there, if no piece is far enough from it
@@ -72,9 +72,16 @@ class PieceRequest:
 
 
 def ranked_pieces(
-    bank: PieceBank, around: Surroundings, slots: EditSlots, request: PieceRequest
+    bank: PieceBank,
+    around: Surroundings,
+    slots: EditSlots,
+    request: PieceRequest,
+    *,
+    most_read: int = _MOST_READ,
 ) -> list[Piece]:
     """Pieces for the slots of an edit, the cheapest first. There may be none.
+
+    Poses are read of the `most_read` pieces that are the cheapest by their counts.
 
     A piece is played at half to twice its speed. Unless it is pinned, it differs from the dance there by a
     mean joint distance of 0.2 m, or of 0.1 m if it shall be similar. If none does, it is one of those that
@@ -83,7 +90,7 @@ def ranked_pieces(
     found = _candidates(bank, around, slots, request)
     if len(found.takes) == 0:
         return []
-    found, costs = _cheapest(found, _costs_of_counts(bank, around, slots, found), _MOST_READ)
+    found, costs = _cheapest(found, _costs_of_counts(bank, around, slots, found), most_read)
     costs |= _costs_of_ends(bank, around, slots, found)
     found, costs = _cheapest(found, costs, _MOST_COMPARED)
     takes, rows, counts_s = found.takes, found.rows, found.counts_s

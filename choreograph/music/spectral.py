@@ -65,7 +65,7 @@ _STEPS = 100  # of its progress
 _WINDOW, _HOP = 2048, 512  # samples
 _CQT_REACH = 1 << 16  # samples. The lowest octave's filters are this long
 _CQT_WHOLE_FRAMES = 1 << 15  # 13 minutes, which are transformed at once
-_CQT_BLOCK_FRAMES = 1 << 13  # of a longer song. The last bit may differ at a border of blocks
+_CQT_BLOCKS = 4  # as many blocks as those frames have. The last bit may differ at a border of blocks
 _TUNING_HOP = 8 * _HOP
 _TIMBRE_BLOCK_FRAMES = 1024
 _TUNING_BLOCK_FRAMES = 512
@@ -86,6 +86,7 @@ def spectral_features(
     samples: Samples,
     beat_times_s: NDArray[np.floating],
     *,
+    cqt_frames: int = _CQT_WHOLE_FRAMES,
     report: StepReport | None = None,
 ) -> NDArray[np.float32]:
     """The 87 spectral features of every interval between two consecutive beats.
@@ -94,6 +95,8 @@ def spectral_features(
     ----------
     samples : float array (S,)        mono at 22.05 kHz, at any gain
     beat_times_s : float array (Q,)   increasing times inside the song: the bounds of the intervals
+    cqt_frames : int                  frames of a song whose constant-Q transform is made at once. That of a
+                                      longer song is made in blocks of a quarter of them
 
     Returns
     -------
@@ -115,7 +118,7 @@ def spectral_features(
     if len(beats) < 2:
         return np.zeros((0, SPECTRAL_DIM), np.float32)
     tuning = _tuning(samples, level)
-    tonal = _tonal_frames(samples, level, tuning, part(report, 0, 50, _STEPS))
+    tonal = _tonal_frames(samples, level, tuning, cqt_frames, part(report, 0, 50, _STEPS))
     timbre_report, n_frames = part(report, 50, _STEPS, _STEPS), len(tonal["tonnetz"])
 
     def frame_rows() -> Iterator[NDArray[np.floating]]:
@@ -135,12 +138,12 @@ def spectral_features(
 
 
 def _tonal_frames(
-    samples: Samples, level: float, tuning: float, report: StepReport | None
+    samples: Samples, level: float, tuning: float, whole_frames: int, report: StepReport | None
 ) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     n_frames = 1 + len(samples) // _HOP
     sums = np.empty((12, n_frames), np.float32, order="F")
-    size = n_frames if n_frames <= _CQT_WHOLE_FRAMES else _CQT_BLOCK_FRAMES
+    size = n_frames if n_frames <= whole_frames else whole_frames // _CQT_BLOCKS
     loudest, floors = np.float32(0.0), dict[int, np.float32]()
     # The floor follows from the loudest bin of the song. Blocks before it are transformed again, since the
     # transform of an hour of song is large.

@@ -151,13 +151,18 @@ class AugmentedWords:
 
 
 def augmented_words(
-    takes: Sequence[WordTake], size: int, rng: np.random.Generator, *, mirrored_share: float = 0.5
+    takes: Sequence[WordTake],
+    size: int,
+    rng: np.random.Generator,
+    *,
+    mirrored_share: float = 0.5,
+    at_once: int = _BLOCK_WORDS,
 ) -> AugmentedWords:
     """Random words, some mirrored, and two independently augmented copies of each.
 
     A copy is time-warped within the word, has slightly early or late bounds, comes from another frame rate,
     and its dancer has another size and slightly different joint positions. Copies of a mirrored word are
-    mirrored too.
+    mirrored too. Up to `at_once` words of a take are copied at a time, which changes nothing.
     """
     ends = np.cumsum([len(take.start_s) for take in takes])
     index = rng.integers(ends[-1], size=size)
@@ -172,7 +177,7 @@ def augmented_words(
     copies = np.empty((size, 2, *words.shape[1:]), np.float32)
     for number in np.unique(take_of):
         chosen = np.flatnonzero(take_of == number)
-        for of_take in np.array_split(chosen, -(-len(chosen) // _BLOCK_WORDS)):
+        for of_take in np.array_split(chosen, -(-len(chosen) // at_once)):
             start, end = start_s[of_take], end_s[of_take]
             words[of_take] = _sampled(takes[number], start[:, None], end[:, None], share)
             twice = np.stack([2 * of_take, 2 * of_take + 1], axis=1).ravel()  # a word's copies

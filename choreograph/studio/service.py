@@ -33,15 +33,15 @@ from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
 _LEVELS_PER_S = 50
-_BEAT_S = 15.0  # between signs of life of the stream of events
 _SCRATCH, _LOCK = "choreograph-studio-", "lock"  # names of temporary folders, and of the lock in each
 _BEGINS_S = 60.0  # in which a studio that has made its lock surely holds it
 
 
 class News:
-    """Sends news to all pages that listen."""
+    """Sends news to all pages that listen, and a sign of life every `beat_s` seconds without news."""
 
-    def __init__(self) -> None:
+    def __init__(self, beat_s: float = 15.0) -> None:
+        self._beat_s = beat_s
         self._lock = threading.Lock()
         self._listeners: list[tuple[asyncio.AbstractEventLoop, asyncio.Queue[dict[str, Any]]]] = []
 
@@ -61,7 +61,7 @@ class News:
             yield ": welcome\n\n"
             while True:
                 try:
-                    news = await asyncio.wait_for(listener[1].get(), _BEAT_S)
+                    news = await asyncio.wait_for(listener[1].get(), self._beat_s)
                 except TimeoutError:
                     yield ": alive\n\n"
                     continue

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_contents, synthetic_takes, with_counts, with_vocabulary
 
-from choreograph.choreography import genres as genres_module
 from choreograph.choreography.constraints import Ban, make_constraints
 from choreograph.choreography.genres import (
     LikelyGenre,
@@ -53,12 +52,12 @@ def in_bars_of(counts: Counts, metre: int) -> Counts:
     return make_counts(counts.times_s, numbers, metre)
 
 
-def planted(path, takes, *, nets=("style",)) -> Repertoire:
+def planted(path, takes, *, nets=("style",), styles=STYLES) -> Repertoire:
     """Every clip has the style of its take's genre; nothing asks the style networks for more than a name."""
     contents = with_vocabulary(synthetic_contents(takes), takes)
     of_clip = [takes[index].take.credits.genre for index in contents.arrays["clips/take"]]
     unknown = np.full(32, 9.0, np.float32)
-    arrays = {**contents.arrays, "clips/style": np.stack([STYLES.get(g, unknown) for g in of_clip])}
+    arrays = {**contents.arrays, "clips/style": np.stack([styles.get(g, unknown) for g in of_clip])}
     arrays["clips/beat_count"] = np.zeros(len(of_clip), np.float32)
     more = {name: NetArrays({}, {"weight": np.zeros(1, np.float32)}) for name in nets}
     write_repertoire(path, replace(contents, arrays=arrays, nets={**contents.nets, **more}))
@@ -88,21 +87,25 @@ def beats(metre: int, *, period_s: float = 0.5, confidence: float = 1.0) -> Coun
     return replace(make_counts(times_s, numbers_in_bar(len(times_s), metre), metre), confidence=confidence)
 
 
-@pytest.mark.parametrize("default", GENRES)
-def test_a_song_between_genres_is_danced_as_the_default_one(repertoire, default, monkeypatch):
-    monkeypatch.setattr(genres_module, "_DEFAULT_GENRE", default)
-    between, sure = song([0.5] * N_SECONDS), song(["rumba"] * N_SECONDS)
-    assert parts_of(between, repertoire, ANYTHING) == [(0, default)]
-    assert likely_genre(between, repertoire, ANYTHING).genre == default
-    assert parts_of(sure, repertoire, ANYTHING) == [(0, "rumba")]
+def with_pop(path, default) -> Repertoire:
+    """A repertoire whose takes of one genre are pop, the genre of songs that are between others."""
+    genres = tuple("pop" if genre == default else genre for genre in GENRES)
+    return planted(path, takes_of(genres), styles=STYLES | {"pop": STYLES[default]})
 
 
-def test_the_default_genre_is_danced_only_if_it_suits_nearly_as_well(repertoire, monkeypatch):
-    nearer_to_rumba = song([0.495] * N_SECONDS)
-    monkeypatch.setattr(genres_module, "_DEFAULT_GENRE", "waltz")
-    assert parts_of(nearer_to_rumba, repertoire, ANYTHING) == [(0, "waltz")]
-    monkeypatch.setattr(genres_module, "_DEFAULT_LOSS", 0.0)
-    assert parts_of(nearer_to_rumba, repertoire, ANYTHING) == [(0, "rumba")]
+@pytest.mark.parametrize(("default", "other"), [GENRES, GENRES[::-1]])
+def test_a_song_between_genres_is_danced_as_pop(tmp_path, default, other):
+    repertoire = with_pop(tmp_path / "rep.h5", default)
+    between, sure = song([0.5] * N_SECONDS), song([other] * N_SECONDS)
+    assert parts_of(between, repertoire, ANYTHING) == [(0, "pop")]
+    assert likely_genre(between, repertoire, ANYTHING).genre == "pop"
+    assert parts_of(sure, repertoire, ANYTHING) == [(0, other)]
+
+
+def test_pop_is_danced_only_if_it_suits_nearly_as_well(tmp_path):
+    repertoire = with_pop(tmp_path / "rep.h5", "waltz")
+    assert parts_of(song([0.495] * N_SECONDS), repertoire, ANYTHING) == [(0, "pop")]
+    assert parts_of(song([0.47] * N_SECONDS), repertoire, ANYTHING) == [(0, "rumba")]
 
 
 @pytest.mark.parametrize("genre", GENRES)
@@ -194,10 +197,9 @@ def test_of_genres_that_reach_the_tempo_the_one_that_often_dances_it_is_likelier
 
 
 @pytest.mark.parametrize(("off_beat", "genre"), [(0.55, "house"), (0.35, "cha-cha"), (1.0, "house")])
-def test_music_without_off_beats_is_no_house(tmp_path, off_beat, genre, monkeypatch):
+def test_music_without_off_beats_is_no_house(tmp_path, off_beat, genre):
     styles = dict(zip(("house", "cha-cha"), STYLES.values(), strict=True))
-    monkeypatch.setitem(globals(), "STYLES", {**STYLES, **styles})
-    repertoire = planted(tmp_path / "rep.h5", takes_of(("house", "cha-cha")))
+    repertoire = planted(tmp_path / "rep.h5", takes_of(("house", "cha-cha")), styles=styles)
     features = replace(song(["waltz"] * N_SECONDS), off_beat=off_beat)  # the style of house
     assert likely_genre(features, repertoire, ANYTHING).genre == genre
 

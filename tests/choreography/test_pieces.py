@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.choreography import pieces as module
 from choreograph.choreography.edits import edit_slots, slot_bounds_s
 from choreograph.choreography.piece_bank import PieceBank, Surroundings
 from choreograph.choreography.pieces import PieceRequest, distinct, pose_distance_m, ranked_pieces
@@ -56,11 +55,10 @@ def test_the_piece_that_is_danced_there_joins_best(around, bank):
     assert "from the same take" in found[same].why
 
 
-def test_of_many_pieces_those_of_the_best_counts_are_compared(around, bank, monkeypatch):
+def test_of_many_pieces_those_of_the_best_counts_are_compared(around, bank):
     slots = edit_slots(4.0, 6.0, around.bounds_s)
     every = ranked_pieces(bank, around, slots, everything(bank, pinned=True))
-    monkeypatch.setattr(module, "_MOST_READ", 5)
-    few = ranked_pieces(bank, around, slots, everything(bank, pinned=True))
+    few = ranked_pieces(bank, around, slots, everything(bank, pinned=True), most_read=5)
     assert len(few) == 5 < len(every)
     of_counts = [sum(piece.costs[name] for name in ("tempo", "count", "genre")) for piece in few]
     assert max(of_counts) <= np.median([sum(p.costs[n] for n in ("tempo", "count", "genre")) for p in every])

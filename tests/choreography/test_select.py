@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.choreography import selection as select
 from choreograph.choreography.selection import select_clips
 from choreograph.core.errors import ParameterError
 
@@ -33,12 +32,15 @@ def test_the_nearest_best_first(seed, n_clips, k, weight):
     assert np.array_equal(chosen, by_hand(*given_, min(k, n_clips), weight))
 
 
-def test_blocks_change_nothing(monkeypatch):
+def test_seconds_of_a_large_repertoire_are_those_alone():
+    """Losses of 40,000 clips are computed for 200 seconds at a time."""
     rng = np.random.default_rng(0)
-    given_ = rng.normal(size=(9, 8)), np.zeros(9), rng.normal(size=(20, 8)), np.zeros(20)
-    whole = select_clips(*given_, candidates=6, beat_weight=0.0)
-    monkeypatch.setattr(select, "_BLOCK_BYTES", 8 * 20 * 2)  # two seconds at a time
-    assert np.array_equal(select_clips(*given_, candidates=6, beat_weight=0.0), whole)
+    music, clips = rng.normal(size=(250, 8)), rng.normal(size=(40_000, 8))
+    counts = np.zeros(250), np.zeros(40_000)
+    chosen = select_clips(music, counts[0], clips, counts[1], candidates=6, beat_weight=0.0)
+    for second in (0, 199, 200, 249):
+        alone = select_clips(music[[second]], counts[0][:1], clips, counts[1], candidates=6, beat_weight=0.0)
+        assert np.array_equal(chosen[[second]], alone)
 
 
 def test_ties_go_to_the_earlier_clip():

@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from schedulers import ended, free_port, scheduler_at, scheduler_with_workers, started, wait_for, worker_of
 
-from choreograph.core import clusters
 from choreograph.core.clusters import connected
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.core.workers import cluster, each
@@ -112,8 +111,7 @@ def test_a_scheduler_that_is_started_again_gets_the_work_again(tmp_path):
     assert len(seen) == 30
 
 
-def test_a_scheduler_that_is_gone_is_said_in_a_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(clusters, "_CONNECT_S", 3.0)
+def test_a_scheduler_that_is_gone_is_said_in_a_line(tmp_path):
     address = f"tcp://127.0.0.1:{(port := free_port())}"
     scheduler, worker = scheduler_at(port), worker_of(address, tmp_path)
     with ended(worker, scheduler):

@@ -13,7 +13,6 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 from choreograph.core.errors import NoPathError, RepertoireError
 from choreograph.evaluation import run as run_module
-from choreograph.evaluation import scores
 from choreograph.evaluation.results import to_json
 from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
 from choreograph.evaluation.songs import find_songs
@@ -38,14 +37,6 @@ main()
 """
 
 VARIANTS = ["random", "greedy-published"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_rounds_of_chance():
-    """Chance stands beside each score, of which nothing is asked here."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scores, "_CHANCE_ROUNDS", 3)
-        yield
 
 
 @pytest.fixture(scope="module")

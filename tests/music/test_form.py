@@ -8,13 +8,13 @@ import pytest
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
-from choreograph.music import form
 from choreograph.music.beats import cached_librosa
 from choreograph.music.form import (
     CountDistances,
     Form,
     Sections,
     _median,
+    _merged,
     phrase_bounds_s,
     song_form,
     song_sections,
@@ -82,15 +82,15 @@ def test_the_last_count_is_compared_if_it_ends_in_the_song():
     assert len(phrase_bounds_s(NO_COUNTS, 3.0)) == 0
 
 
-def test_the_form_is_the_same_if_distances_are_computed_in_blocks(monkeypatch):
+def test_distances_of_a_long_song_are_those_of_its_parts():
+    """1,632 counts are computed in blocks. Their median is that of the 96 counts, which are repeated."""
     features, _ = planted("ABACAB")
-    whole, away = form_of("ABACAB"), CountDistances(features).rows(0, len(features))
+    away = CountDistances(features).rows(0, len(features))
     assert np.median(away) == pytest.approx(1.0, abs=1e-9) and np.allclose(away, away.T)
-    monkeypatch.setattr(form, "_WHOLE_ROWS", 0)
-    monkeypatch.setattr(form, "_ROWS_AT_ONCE", 10)
-    in_blocks = CountDistances(features)
-    np.testing.assert_allclose(in_blocks.rows(7, 31, slice(2, 9)), away[7:31, 2:9], atol=1e-6)
-    assert form_of("ABACAB") == whole
+    long = CountDistances(np.tile(features, (17, 1)))
+    wanted = np.tile(away, (17, 17))
+    np.testing.assert_allclose(long.rows(370, 800, slice(2, 190)), wanted[370:800, 2:190], atol=1e-6)
+    np.testing.assert_allclose(long.rows(1620, 1632), wanted[1620:], atol=1e-6)
 
 
 @pytest.mark.slow
@@ -111,7 +111,7 @@ def test_repeats_and_borders_of_held_out_songs(song):
 def test_neighbours_are_merged_as_librosas_segmentation_merges_them(n_parts):
     rows = np.random.default_rng(n_parts).normal(size=(60, 20))
     theirs = np.unique(librosa.segment.agglomerative(rows.T, n_parts))
-    np.testing.assert_array_equal(form._merged(rows, n_parts), theirs)
+    np.testing.assert_array_equal(_merged(rows, n_parts), theirs)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 2), (3, 3), (40, 40), (301, 301)])

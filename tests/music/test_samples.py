@@ -13,7 +13,6 @@ from choreograph.core.numerics import frame_blocks
 from choreograph.core.scratch import ScratchFile
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music import samples as samples_module
-from choreograph.music import spectral
 from choreograph.music.bars import beat_evidence, track_bars
 from choreograph.music.frame_rhythm import frame_rhythm
 from choreograph.music.mel import log_mel, loudness
@@ -26,6 +25,7 @@ from choreograph.music.samples import (
 )
 from choreograph.music.song import KnownSong, load_sound
 from choreograph.music.song_features import energy_per_second, stops_s
+from choreograph.music.spectral import spectral_features
 
 SONG = cg.load_song(cg.example_songs()["house"], duration_s=21.0).samples[:-777]
 SONG = np.concatenate(
@@ -85,14 +85,12 @@ def test_samples_that_are_not_finite_are_found_in_any_block(bad):
             loudness(stored(damaged))
 
 
-def test_features_are_those_of_an_array_to_the_bit(monkeypatch):
-    monkeypatch.setattr(spectral, "_CQT_WHOLE_FRAMES", 300)  # in blocks, whose borders do not divide the song
-    monkeypatch.setattr(spectral, "_CQT_BLOCK_FRAMES", 257)
+def test_features_are_those_of_an_array_to_the_bit():
     found, mel = stored(), log_mel(SONG)
     assert np.array_equal(log_mel(found), mel)
     for of in (
         loudness,
-        lambda sound: spectral.spectral_features(sound, BEATS_S),
+        lambda sound: spectral_features(sound, BEATS_S, cqt_frames=900),  # in blocks
         lambda sound: frame_rhythm(sound, BEATS_S),
         lambda sound: energy_per_second(sound, 23),
         lambda sound: np.concatenate(beat_evidence(sound, mel, BEATS_S), axis=1),

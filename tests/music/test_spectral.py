@@ -243,11 +243,16 @@ def test_beats_of_another_song_are_refused(beats):
         spectral_features(piece()[0], np.array(beats))
 
 
-def test_blocks_of_the_constant_q_transform_are_those_of_the_whole_song(monkeypatch):
+def test_blocks_of_the_constant_q_transform_are_those_of_the_whole_song():
     song = (chord(C_MAJOR, 12.0) + noise(12.0)) * np.geomspace(0.01, 1.0, 12 * SAMPLE_RATE_HZ)
     beats = np.arange(0.0, 12.0, 0.5)
     whole = spectral_features(song, beats)
-    monkeypatch.setattr("choreograph.music.spectral._CQT_WHOLE_FRAMES", 150)
-    monkeypatch.setattr("choreograph.music.spectral._CQT_BLOCK_FRAMES", 150)
-    monkeypatch.setattr("choreograph.music.spectral._TUNING_BLOCK_FRAMES", 7)
-    assert np.allclose(spectral_features(song, beats), whole, rtol=1e-3, atol=1e-3)
+    in_blocks = spectral_features(song, beats, cqt_frames=500)  # of 517
+    assert np.allclose(in_blocks, whole, rtol=1e-3, atol=1e-3)
+
+
+def test_a_song_of_minutes_is_tuned_as_a_short_one():
+    """The tuning is found in blocks of 95 s."""
+    beats, pitches = np.array([1.2, 1.5, 1.9]), tuple(pitch + 0.35 for pitch in C_MAJOR)
+    short, long = (spectral_features(chord(pitches, duration_s), beats) for duration_s in (4.0, 100.0))
+    np.testing.assert_allclose(column(long, "chroma"), column(short, "chroma"), atol=0.1)

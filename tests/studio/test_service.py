@@ -46,11 +46,9 @@ def test_news_reach_all_that_listen_in_order():
     assert heard == [told[:3], told[:3], told[3:]] and left == []
 
 
-def test_a_silent_stream_gives_signs_of_life(monkeypatch):
-    monkeypatch.setattr("choreograph.studio.service._BEAT_S", 0.01)
-
+def test_a_silent_stream_gives_signs_of_life():
     async def listened():
-        stream = News().stream()
+        stream = News(beat_s=0.01).stream()
         heard = [await anext(stream) for _ in range(3)]
         await stream.aclose()
         return heard

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import resource
 from dataclasses import replace
 from fractions import Fraction
 
@@ -140,13 +141,14 @@ def test_missing_folder_and_a_file_that_is_no_song(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["song.mp3"]
 
 
-def test_unwritable_target_is_a_one_line_error_and_leaves_no_file(tmp_path, monkeypatch):
-    def full(*_, **__):
-        raise av.error.OSError(28, "No space left on device")
-
-    monkeypatch.setattr("choreograph.view.video._picture_stream", full)
-    with pytest.raises(ChoreographError, match="No space left") as caught:
-        write_video(tmp_path / "d.mp4", MOTION, size=SIZE)
+def test_unwritable_target_is_a_one_line_error_and_leaves_no_file(tmp_path):
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))  # bytes of a file, as on a full disk
+    try:
+        with pytest.raises(ChoreographError, match="File too large") as caught:
+            write_video(tmp_path / "d.mp4", MOTION, size=SIZE)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
     assert str(caught.value).startswith(f"cannot write {tmp_path / 'd.mp4'}: ")
 

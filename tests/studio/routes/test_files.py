@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from choreograph.studio.routes import files
-
 
 def test_without_a_character_there_is_none_to_dance(client):
     assert client.get("/api/character/glb").status_code == 404
@@ -18,17 +16,18 @@ def test_half_a_span_is_refused(client, half):
     assert reply.status_code == 400 and "both from and to" in reply.json()["error"]
 
 
-def test_the_latest_exports_are_kept(client, monkeypatch):
-    monkeypatch.setattr(files, "_EXPORTS", 2)
+def test_the_latest_exports_are_kept(client):
     part = {"format": "npz", "from": 1.0, "to": 2.0}
-    ids = [client.wait(client.post("/api/export", **part))["result"]["id"] for _ in range(3)]
-    assert [client.get(f"/api/export/{id}").status_code for id in ids] == [404, 200, 200]
+    ids = [client.wait(client.post("/api/export", **part))["result"]["id"] for _ in range(9)]
+    assert [client.get(f"/api/export/{id}").status_code for id in ids] == [404, *[200] * 8]
     assert not (client.service.scratch / ids[0]).exists()
 
 
-def test_takes_beyond_the_size_of_a_build_are_refused(client, monkeypatch):
+def test_takes_beyond_the_size_of_a_build_are_refused(client):
     assert client.post("/api/build/start", name="mine").status_code == 404
     assert client.send("/api/build", b"12", "a.bvh").status_code == 200
-    monkeypatch.setattr(files, "_MOST_TAKES_BYTES", 1)
+    most = 1 << 32
+    with open(client.service.scratch / "takes" / "a.bvh", "r+b") as file:
+        file.truncate(most + 1)  # a hole, which takes no room on disk
     assert client.send("/api/build", b"1", "b.bvh").status_code == 413
-    assert client.get("/api/build").json() == {"files": [{"name": "a.bvh", "bytes": 2}]}
+    assert client.get("/api/build").json() == {"files": [{"name": "a.bvh", "bytes": most + 1}]}
