@@ -10,7 +10,7 @@ import numpy as np
 from synthetic_motions import swaying
 from synthetic_pages import write_seconds
 
-from choreograph.evaluation.study import StudyDance, write_study
+from research.study.writing import StudyDance, write_study
 
 VARIANTS = ("zebra-xvariant", "quagga-xvariant", "okapi-xvariant")
 

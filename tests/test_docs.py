@@ -26,7 +26,6 @@ from command_line import run
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 from synthetic_repertoire import write_clicks
-from synthetic_studies import rate_all, read_key
 from test_rooms import MAY_IMPORT
 
 import choreograph as cg
@@ -106,15 +105,6 @@ def files(tmp_path_factory):
     return folder
 
 
-def rate() -> None:
-    """Put the files of three raters into the folder of a study."""
-    variants = {dance["variant"] for dance in read_key(Path("study"))["dances"]}
-    rate_all(Path("study"), dict.fromkeys(variants, 3.0), n_raters=3)
-
-
-BEFORE = {"choreograph study show study/": rate}  # what others do before a command
-
-
 SERVED = ("choreograph studio song.mp3",)  # until Ctrl-C stops it
 STOPPED = 130  # the exit status then, unless the server ends before
 
@@ -133,7 +123,6 @@ def run_command(line: str) -> None:
     _, *words = shlex.split(line)
     outputs = [after for word, after in pairwise(words) if word in WRITES]
     shorter = next((more for suffix, more in SHORTER.items() if any(o.endswith(suffix) for o in outputs)), [])
-    BEFORE.get(line, lambda: None)()
     result = run(*words, *shorter, *QUIETER.get(words[0], []))
     expected = (0, STOPPED) if line in SERVED else (0,)
     assert result.exit_code in expected, f"{line}: {result.output}"

@@ -90,7 +90,7 @@ _COMMANDS = {
     "dance": "dance", "evaluate": "evaluate", "get": "get", "inspect": "inspect", "library": "library",
     "live": "live",
     "retarget": "characters:retarget", "scene": "scene",
-    "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio", "study": "study",
+    "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio",
 }  # fmt: skip
 
 

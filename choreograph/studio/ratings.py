@@ -1,7 +1,7 @@
-"""Ratings of two versions of a dance, in the files that `choreograph study show` reads.
+"""Ratings of two versions of a dance, in the files of a study, which `python -m research.study show` reads.
 
 Each comparison is a pair of a study that grows. Its key says which dance is of which version, and one file
-has the answers of this person.
+has the answers of this person (`data_schema/rating.schema.json`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ from typing import Any
 
 from choreograph.core.errors import FormatError
 from choreograph.core.files import atomic_path, read_json
-from choreograph.evaluation.study import BETTER, KEY_FORMAT, KEY_NAME, VERSION
-from choreograph.evaluation.study_results import RATING_FORMAT, read_key
 
+KEY_NAME = "key.json"
+KEY_FORMAT = "choreograph-study-key"
+RATING_FORMAT = "choreograph-rating"
+VERSION = 1  # of key and ratings
+BETTER = "better"  # id of the question which of two versions is better
 SUFFIX = ".study"
 _RATING_NAME = "rating-studio.json"
 _NOTE = "Which dance of a comparison in the studio is of which version."
@@ -38,8 +41,8 @@ def rate(folder: Path, song: str, names: tuple[str, str], better: int | None) ->
         {"dance": id, "variant": name, "song": song, "number": number, "start_s": 0.0}
         for id, name in zip(ids, called, strict=True)
     ]
-    key["pairs"].append({"pair": f"p{number + 1}", "dances": ids, "questions": [BETTER.id]})
-    answers = {} if better is None else {BETTER.id: ids[better]}
+    key["pairs"].append({"pair": f"p{number + 1}", "dances": ids, "questions": [BETTER]})
+    answers = {} if better is None else {BETTER: ids[better]}
     rating["study"], rating["save"] = key["study"], rating["save"] + 1
     rating["answers"][f"p{number + 1}"] = answers
     for name, data in ((KEY_NAME, key), (_RATING_NAME, rating)):
@@ -50,13 +53,19 @@ def rate(folder: Path, song: str, names: tuple[str, str], better: int | None) ->
 
 def _key(path: Path) -> dict[str, Any]:
     if path.exists():
-        read_key(path)
         data: dict[str, Any] = read_json(path, "the key of a study")
+        if not (isinstance(data, dict) and _is_key(data)):
+            raise FormatError(f"{path}: expected the key of a study, got another file: {_CURE}")
         return data
     return {
         "format": KEY_FORMAT, "version": VERSION, "note": _NOTE, "study": secrets.token_hex(8), "seed": 0,
         "questions": [], "dances": [], "pairs": [],
     }  # fmt: skip
+
+
+def _is_key(data: dict[str, Any]) -> bool:
+    kinds = isinstance(data.get("study"), str), *(isinstance(data.get(n), list) for n in ("dances", "pairs"))
+    return (data.get("format"), data.get("version")) == (KEY_FORMAT, VERSION) and all(kinds)
 
 
 def _rating(path: Path) -> dict[str, Any]:

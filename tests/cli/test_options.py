@@ -59,8 +59,8 @@ def test_the_options_to_repeat_are_few():
         ("dance", "--ban"), ("dance", "--keep"), ("dance", "--swap"), ("dance", "--vary"),
         ("dance", "--repeat"), ("dance", "--set"), ("dance", "--weight"),
         ("evaluate", "--only"), ("evaluate", "--variants"), ("inspect", "--coverage"),
-        ("study write", "--only"), ("study write", "--variants"), ("dance", "--db"), ("evaluate", "--db"),
-        ("live", "--db"), ("study write", "--db"), ("studio", "--db"), ("scene", "--db"),
+        ("dance", "--db"), ("evaluate", "--db"),
+        ("live", "--db"), ("studio", "--db"), ("scene", "--db"),
         ("scene", "--formation"), ("scene", "--relation"), ("scene", "--genre"), ("scene", "--character"),
         ("scene", "--set"), ("scene", "--output"),
     }  # fmt: skip

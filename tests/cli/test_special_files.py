@@ -78,7 +78,6 @@ def special(request, tmp_path, monkeypatch):
         (("build-db", "SPECIAL", "-o", "OUT.h5", "--init-from", "SPECIAL"), "old.h5"),
         (("inspect", "SPECIAL"), "rep.h5"),
         (("convert", "SPECIAL", "OUT.bvh"), "take.bvh"),
-        (("study", "show", "SPECIAL"), "study"),
     ],
 )
 def test_what_is_no_file_is_refused_in_a_line(special, db_with_motifs, song, tmp_path, arguments, name):

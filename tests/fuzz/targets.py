@@ -38,8 +38,6 @@ import choreograph as cg
 from choreograph.choreography.constraints import read_motifs, read_signature
 from choreograph.core.cache import DiskCache
 from choreograph.core.errors import FormatError
-from choreograph.evaluation.study import KEY_NAME
-from choreograph.evaluation.study_results import read_key, read_ratings
 from choreograph.formats.choreonet import read_choreographies
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.gltf_rig import read_rig
@@ -55,6 +53,8 @@ from choreograph.music.song import load_song
 from choreograph.plan.plan import Plan
 from choreograph.render.rendering import render
 from choreograph.settings import load_config
+from choreograph.studio.ratings import KEY_NAME
+from research.study.results import read_key, read_ratings
 
 MOTION = stepping(60, period_s=0.5)
 _COUNTS = "time_s,number,figure\n0.100,1,basic\n0.600,2,\n1.100,3,\n1.600,4,-\n"

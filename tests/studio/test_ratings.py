@@ -9,8 +9,8 @@ import jsonschema
 import pytest
 
 from choreograph.core.errors import FormatError
-from choreograph.evaluation.study_results import read_study
 from choreograph.studio.ratings import rate
+from research.study.results import read_study
 
 SCHEMA = json.loads((Path(__file__).parents[2] / "data_schema" / "rating.schema.json").read_text())
 
@@ -34,6 +34,8 @@ def test_versions_of_one_name_are_told_apart(tmp_path):
 def test_another_study_is_refused(tmp_path):
     folder = tmp_path / "a.study"
     rate(folder, "a.wav", ("x", "y"), 1)
-    (folder / "key.json").write_text("{}")
-    with pytest.raises(FormatError):
-        rate(folder, "a.wav", ("x", "y"), 1)
+    key = json.loads((folder / "key.json").read_text())
+    for other in ({}, [], {**key, "version": 2}, {**key, "pairs": None}, {**key, "study": 1}):
+        (folder / "key.json").write_text(json.dumps(other))
+        with pytest.raises(FormatError):
+            rate(folder, "a.wav", ("x", "y"), 1)

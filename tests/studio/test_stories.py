@@ -96,7 +96,7 @@ def test_versions_are_compared_and_rated(client, folder):
         assert client.get(f"/api/versions/{slot}/motion").json()["motion"]
     for better in ("A", "same", "A"):
         assert client.post("/api/rating", better=better).status_code == 200
-    from choreograph.evaluation.study_results import read_study
+    from research.study.results import read_study
 
     [preference] = read_study(folder / "clicks.studio.study").preferences
     assert preference.n_answers == 2 and preference.share in (0.0, 1.0)

@@ -62,7 +62,7 @@ export class Compare {
   rate(better) {
     return attempt(async () => {
       const saved = await this.actions.rate(better);
-      if (saved) say(`Saved. choreograph study reads it from ${saved.file}.`);
+      if (saved) say(`Saved in ${saved.file}.`);
     });
   }
 

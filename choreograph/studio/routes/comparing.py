@@ -48,7 +48,7 @@ def router(service: Service) -> APIRouter:
 
     @made.post("/api/rating")
     def rating(body: RatingBody) -> dict[str, Any]:
-        """Note which version is better, in a folder that `choreograph study show` reads."""
+        """Note which version is better, in a folder that `python -m research.study show` reads."""
         project = desk.project
         if desk.file is None or set(project.versions) != {"A", "B"}:
             raise NotFoundError("expected versions A and B, got fewer: keep both first")

@@ -26,13 +26,13 @@ from synthetic_studies import VARIANTS, rate_all, small_study
 
 import choreograph as cg
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.study import VERSION as STUDY_VERSION
 from choreograph.library.schema import VERSION as REPERTOIRE_VERSION
 from choreograph.library.writing import MeasuredTake, write_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.plan.plan import VERSION as PLAN_VERSION
 from choreograph.plan.plan import PlannedWord
+from choreograph.studio.ratings import VERSION as STUDY_VERSION
 
 FOLDER = Path(__file__).parent
 PERIODS_S = (0.5, 0.75)

@@ -16,19 +16,12 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
-from choreograph.evaluation.study import (
-    BETTER,
-    KEY_FORMAT,
-    KEY_NAME,
-    PAIR_QUESTIONS,
-    QUESTIONS,
-    VERSION,
-)
+from choreograph.studio.ratings import KEY_FORMAT, KEY_NAME, RATING_FORMAT, VERSION
+from research.study.writing import PAIR_QUESTIONS, QUESTIONS, STUDIO_QUESTION
 
 # The files of a study as they come back: its key, and the raters' answers, checked against it.
 
 
-RATING_FORMAT = "choreograph-rating"
 MAX_POINTS = 5
 _RATING_KEYS = {"format", "version", "study", "rater_id", "rater_name", "save", "answers"}
 _DANCE_KEYS = {"dance", "variant", "song", "number", "start_s"}
@@ -72,7 +65,7 @@ class StudyKey:
 def read_key(path: Path) -> StudyKey:
     """The key of a study. `FormatError` if it is missing or damaged."""
     data = _read_json(path, "the key of a rating study")
-    _check_format(path, data, KEY_FORMAT, "make the study again with `choreograph study write`")
+    _check_format(path, data, KEY_FORMAT, "make the study again with `python -m research.study write`")
     questions, dances, study = data.get("questions"), data.get("dances"), data.get("study")
     known = {question.id for question in QUESTIONS}
     if not (isinstance(questions, list) and all(q in known for q in map(str, questions))):
@@ -107,7 +100,7 @@ def _check_format(path: Path, data: Mapping[str, Any], expected: str, cure: str)
 
 
 def _pairs(path: Path, pairs: Any, dances: Mapping[str, DanceEntry]) -> dict[str, PairEntry]:
-    known = {question.id for question in (*PAIR_QUESTIONS, BETTER)}
+    known = {question.id for question in (*PAIR_QUESTIONS, STUDIO_QUESTION)}
     entries: dict[str, PairEntry] = {}
     for pair in pairs if isinstance(pairs, list) else [None]:
         if not (isinstance(pair, dict) and set(pair) == _PAIR_KEYS and _is_pair(pair["dances"], dances)):
@@ -149,7 +142,7 @@ def read_ratings(folder: Path, key: StudyKey) -> Answers:
 
 def _checked_rating(path: Path, key: StudyKey) -> dict[str, Any]:
     data = _read_json(path, "a rater's file")
-    _check_format(path, data, RATING_FORMAT, "rate the dances again in a study of `choreograph study write`")
+    _check_format(path, data, RATING_FORMAT, "rate again in a study of `python -m research.study write`")
     if set(data) != _RATING_KEYS:
         wrong = min(set(data) ^ _RATING_KEYS)
         raise FormatError(f"{path}: the key {wrong!r} is {'unknown' if wrong in data else 'missing'}")

@@ -9,7 +9,7 @@ import pytest
 from browsers import SWIFTSHADER, opening_pages, until
 from synthetic_studies import read_key, small_study
 
-from choreograph.evaluation.study_results import read_study
+from research.study.results import read_study
 
 pytestmark = pytest.mark.slow
 

@@ -27,6 +27,7 @@ from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.motion.skinned_mesh import build_mannequin
+from choreograph.studio.ratings import BETTER, KEY_FORMAT, KEY_NAME, VERSION
 from choreograph.view.page_data import (
     ROTVEC_STEP_RAD,
     bundle_scripts,
@@ -90,7 +91,7 @@ PAIR_QUESTIONS = (
     PairQuestion("genre", "Genre", "Which is more {genre}?"),
     PairQuestion("computer", "Computer", "Which was made by a computer? If both were: which looks more so?"),
 )
-BETTER = PairQuestion("better", "Better", "Which is better?")  # of two versions in the studio
+STUDIO_QUESTION = PairQuestion(BETTER, "Better", "Which is better?")  # of two versions in the studio
 
 
 def pair_questions(genre: str) -> list[dict[str, str]]:
@@ -137,13 +138,10 @@ def mixed_order(songs: Sequence[str], rng: np.random.Generator) -> NDArray[np.in
 # `write_study` writes two files to a folder. Raters get only `study.html`, an offline page for any browser
 # that plays the dances and saves the answers as a small file. It contains no name of a variant, song or take,
 # and no plan. All dances have the same body and frame rate. `key.json` maps dances to variants and stays with
-# the organiser. `study_results.read_study` reads the key and the files of the raters.
+# the organiser. `results.read_study` reads the key and the files of the raters.
 
 
 PAGE_NAME = "study.html"
-KEY_NAME = "key.json"
-KEY_FORMAT = "choreograph-study-key"
-VERSION = 1  # of key and ratings
 _KEY_NOTE = "Which dance is of which variant: keep this file from the raters, and give them study.html only."
 _FPS = 60.0
 _PLAYER = (
@@ -152,6 +150,7 @@ _PLAYER = (
     "stage.js", "orbit.js", "elements.js", "player.js",
 )  # fmt: skip
 _SCRIPTS = ("answers.js", "questions.js", "study.js")
+_OWN = Path(__file__).with_name("page")
 
 
 @dataclass(frozen=True, eq=False)
@@ -346,8 +345,7 @@ def _sound(path: Path, start_s: float, duration_s: float) -> str:
 
 
 def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
-    study_page = {"package": "choreograph.evaluation", "folder": "study_page"}
-    scripts = [page_part(name) for name in _PLAYER] + [page_part(name, **study_page) for name in _SCRIPTS]
+    scripts = [page_part(name) for name in _PLAYER] + [_own_part(name) for name in _SCRIPTS]
 
     def elements(kind: str) -> str:
         return "\n".join(
@@ -357,14 +355,19 @@ def _page(study: dict[str, Any], texts: dict[str, str]) -> str:
         )
 
     return fill_template(
-        page_part("index.html", **study_page),
-        style=page_part("style.css") + page_part("study.css", **study_page),
+        _own_part("index.html"),
+        style=page_part("style.css") + _own_part("study.css"),
         study=to_script_json(study),
         mesh=texts["mesh"],
         dances=elements("dance-"),
         sounds=elements("sound-"),
         script=bundle_scripts(scripts),
     )
+
+
+def _own_part(name: str) -> str:
+    """The text of a part of the page that is a study's own."""
+    return (_OWN / name).read_text(encoding="utf-8")
 
 
 # The dances of a rating study: one per variant and held-out song, and the real ones.

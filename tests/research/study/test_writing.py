@@ -13,9 +13,9 @@ from synthetic_motions import swaying
 from synthetic_studies import VARIANTS, read_key, small_study
 
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.evaluation.study import QUESTIONS, StudyDance, write_study
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
+from research.study.writing import QUESTIONS, StudyDance, write_study
 
 
 @pytest.fixture(scope="module")

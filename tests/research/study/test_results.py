@@ -11,11 +11,11 @@ import pytest
 from synthetic_studies import VARIANTS, choose_all, rate_all, rating, read_key, small_study, write_rating
 
 from choreograph.core.errors import FormatError
-from choreograph.evaluation.study import QUESTIONS
-from choreograph.evaluation.study_results import _Bootstrap, read_study
+from research.study.results import _Bootstrap, read_study
+from research.study.writing import QUESTIONS
 
 SCHEMA = json.loads(
-    (Path(__file__).resolve().parents[2] / "data_schema" / "rating.schema.json").read_text(encoding="utf-8")
+    (Path(__file__).resolve().parents[3] / "data_schema" / "rating.schema.json").read_text(encoding="utf-8")
 )
 BEST, MIDDLE, WORST = VARIANTS
 MEANS = {BEST: 3.6, MIDDLE: 2.4, WORST: 1.4}
@@ -211,10 +211,14 @@ def test_a_preference_by_hand(pairs):
 def test_other_versions_are_refused_with_the_command_that_makes_a_study_anew(study):
     key = read_key(study)
     write_rating(study, rating(key, {}, version=2))
-    with pytest.raises(FormatError, match=r"version 1, got version 2: rate .* `choreograph study write`"):
+    with pytest.raises(
+        FormatError, match=r"version 1, got version 2: rate .* `python -m research.study write`"
+    ):
         read_study(study)
     write_rating(study, key | {"version": 2}, "key.json")
-    with pytest.raises(FormatError, match=r"version 1, got version 2: make .* `choreograph study write`"):
+    with pytest.raises(
+        FormatError, match=r"version 1, got version 2: make .* `python -m research.study write`"
+    ):
         read_study(study)
 
 

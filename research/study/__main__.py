@@ -1,12 +1,13 @@
-"""`choreograph study`, which writes a page for people to rate or compare dances, and shows the answers."""
+"""The commands `write` and `show` of `python -m research.study`."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.table import Table
+from rich.text import Text
 
 from choreograph.cli.declared import (
     Command,
@@ -21,25 +22,36 @@ from choreograph.cli.declared import (
 )
 from choreograph.cli.present import examples, printable, say, stages, table_console
 from choreograph.cli.times import Seconds
+from choreograph.core.errors import ChoreographError
+from choreograph.core.files import atomic_path, check_target
 from choreograph.core.progress import counted
-
-if TYPE_CHECKING:
-    from choreograph.evaluation.study_results import Difference, Score, StudyResults
+from choreograph.evaluation.songs import find_songs
+from choreograph.evaluation.variants import variants_named
+from choreograph.library.builtin import as_repertoire
+from choreograph.studio.ratings import KEY_NAME
+from research.study.results import Difference, Score, StudyResults, read_study
+from research.study.writing import (
+    PAGE_NAME,
+    PAIR_QUESTIONS,
+    QUESTIONS,
+    STUDIO_QUESTION,
+    check_study_folder,
+    make_study_dances,
+    write_study,
+)
 
 
 def _pages(folder: Path, _: Given) -> tuple[Path, ...]:
     """What a study writes to its folder."""
-    from choreograph.evaluation.study import KEY_NAME, PAGE_NAME
-
     return folder / PAGE_NAME, folder / KEY_NAME
 
 
 @click.group(
-    short_help="Let people rate dances.",
+    "python -m research.study",
     epilog=examples(
-        "choreograph study write --songs heldout/ --variants baselines -o study/",
-        "choreograph study write --songs heldout/ --variants rollout --ask pairs -o pairs/",
-        "choreograph study show study/",
+        "python -m research.study write --songs heldout/ --variants baselines -o study/",
+        "python -m research.study write --songs heldout/ --variants rollout --ask pairs -o pairs/",
+        "python -m research.study show study/",
     ),
 )
 def command() -> None:
@@ -96,17 +108,6 @@ def write(
     quiet: bool,
 ) -> None:
     """Dance in every variant to every song of DIR, and write one page that shows them in random order."""
-    from choreograph.evaluation.songs import find_songs
-    from choreograph.evaluation.study import (
-        KEY_NAME,
-        PAGE_NAME,
-        check_study_folder,
-        make_study_dances,
-        write_study,
-    )
-    from choreograph.evaluation.variants import variants_named
-    from choreograph.library.builtin import as_repertoire
-
     check_study_folder(output)
     chosen = variants_named(variants or ("baselines",))
     repertoire = as_repertoire(db)
@@ -121,7 +122,7 @@ def write(
             f"{output / PAGE_NAME}: {n_dances} dances of {len(dances)} variants. Give raters this page only, "
             f"never {KEY_NAME}."
         )
-        say(f"Put the files they send back into {output}, then run: choreograph study show {output}")
+        say(f"Put the files they send back into {output}, then run: python -m research.study show {output}")
 
 
 @command.command("show", cls=Command, short_help="Show the ratings.")
@@ -132,9 +133,6 @@ def write(
 @option("-q", "--quiet", is_flag=True, help="No table.")
 def show(study: Path, json_path: Path | None, quiet: bool) -> None:
     """Show the answers in the folder STUDY: means with 95 % intervals, and differences of variants."""
-    from choreograph.core.files import atomic_path, check_target
-    from choreograph.evaluation.study_results import read_study
-
     if json_path is not None and not is_stdout(json_path):
         check_target(json_path)
     results = read_study(study)
@@ -150,11 +148,6 @@ def show(study: Path, json_path: Path | None, quiet: bool) -> None:
 
 
 def _show_tables(results: StudyResults) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from choreograph.evaluation.study import BETTER, PAIR_QUESTIONS, QUESTIONS
-
     console = table_console()
     raters, songs = counted(results.n_raters, "rater"), counted(results.n_songs, "song")
     say(f"{raters}, {songs}; 95 % intervals in brackets")
@@ -173,7 +166,7 @@ def _show_tables(results: StudyResults) -> None:
         for difference in (d for d in results.differences if d.question == question.id):
             unclear = "" if difference.is_clear else ", not significant"
             say(f"  {difference.variant} over {difference.other}: {_with_interval(difference, '+')}{unclear}")
-    for pair_question in (*PAIR_QUESTIONS, BETTER):
+    for pair_question in (*PAIR_QUESTIONS, STUDIO_QUESTION):
         preferences = [p for p in results.preferences if p.question == pair_question.id]
         if preferences:
             asked = Text(pair_question.text.format(genre="of the genre"), style="bold")
@@ -192,3 +185,11 @@ def _interval(mean: float, low: float | None, high: float | None, sign: str = ""
     if low is None:
         return f"{mean:{sign}.2f}"
     return f"{mean:{sign}.2f} ({low:{sign}.2f} to {high:{sign}.2f})"
+
+
+if __name__ == "__main__":
+    try:
+        command(prog_name="python -m research.study")
+    except ChoreographError as error:
+        say(f"choreograph: {error}", err=True)
+        raise SystemExit(2) from None
