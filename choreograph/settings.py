@@ -1,4 +1,4 @@
-"""Settings of a dance, also from TOML files, and the settings of ChoreoGraph as published."""
+"""Settings of a dance, also from TOML files."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypedDict, get_args
 
-import numpy as np
-
 from choreograph.core.arguments import as_stage_m, check_choice, check_text, is_number, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
@@ -19,7 +17,6 @@ from choreograph.core.plugins import Group, installed_names
 from choreograph.core.progress import one_line
 from choreograph.core.settings import Range, UsedBy, changed, described, settings
 from choreograph.music.song import Song
-from choreograph.nets.configs import density_config
 
 EngineName = Literal["graph", "mixer", "rollout"]  # the built-in ones
 Planner = Literal["exact", "greedy", "motion-graph"]
@@ -35,18 +32,8 @@ StyleWindow = Literal["smooth", "hamming"]
 MAX_VARIATIONS = 1000  # of one song
 # Lengths a transition may have: inertial to each side, linear in all. The first one is the default.
 TRANSITION_LENGTHS_S = {"inertial": (0.4, 0.25, 0.6), "linear": (0.25,)}
-# The weights of the first ten, except completeness and velocity, were chosen on dances to training songs, in
-# five folds. The paper gives no numbers. Those two and `accents` were chosen by the phase of motion beats
-# within the count.
-DEFAULT_WEIGHTS = {
-    "genre": 1.0, "completeness": 2.0, "transition": 3.0, "velocity": 3.0, "rhythm": 14.0, "pace": 0.3,
-    "front": 3.0, "seed": 0.6, "variety": 0.75, "repeat": 8.0, "signature": 3.0, "motif_transition": 0.3,
-    "accents": 0.0, "bars": 6.0, "phrasing": 4.0, "energy": 2.0, "steps": 0.5, "stillness": 4.0, "form": 4.0,
-    "stage": 6.0,
-}  # fmt: skip
 # What other packages add by entry points.
 ENGINE_GROUP = Group("choreograph.engines", get_args(EngineName))
-COST_GROUP = Group("choreograph.costs", tuple(DEFAULT_WEIGHTS))
 
 
 @settings
@@ -235,11 +222,6 @@ def engine_names() -> tuple[str, ...]:
     return (*ENGINE_GROUP.builtin, *installed_names(ENGINE_GROUP))
 
 
-def cost_names() -> tuple[str, ...]:
-    """The names of the built-in costs, then those of costs of other packages."""
-    return (*COST_GROUP.builtin, *installed_names(COST_GROUP))
-
-
 def as_config(config: object) -> DanceConfig:
     """A `DanceConfig`. Raises `ParameterError` for anything else."""
     if not isinstance(config, DanceConfig):
@@ -272,134 +254,3 @@ def load_config(path: str | Path, base: DanceConfig | None = None) -> DanceConfi
         return changed(base or DanceConfig(), data)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
-
-
-def resolve_weights(given: Mapping[str, float], names: list[str]) -> dict[str, float]:
-    """The weight of every cost by name: as given, else its default, else 1 for a custom cost.
-
-    Raises `ParameterError` for a weight that belongs to no cost.
-    """
-    unknown = sorted(set(given) - set(names))
-    if unknown:
-        raise unexpected(f"weights of costs among {', '.join(names)}", unknown[0])
-    return {name: float(given.get(name, DEFAULT_WEIGHTS.get(name, 1.0))) for name in names}
-
-
-# Both methods as published, as the settings of a build and of a dance.
-#
-# Each is an ordinary setting, of `BuildOptions`, `StyleConfig`, `DensityConfig`, `RolloutConfig` or
-# `DanceConfig`. This module only lists them. By section of ChoreoGraph:
-#
-# - 3.1: style vectors learned by equation 1 alone, from mel spectrogram and joint positions alone. The 512
-#   clips of least style loss are candidates, of any metre or genre
-# - 3.2: tempo-densities learned by equations 2 and 3, from raw pairs of music and motion. Segments are played
-#   along the path of subsequence DTW, without smoothing and without regard to counts and beats
-# - 3.3: the cheapest next node by style, completeness and transition, unweighted, with linear blending on the
-#   second
-# - 4.1: Adam, batches of 16, a rate of 1e-4, 10,000 epochs
-#
-# Nothing is added to the paper. There are no contrast, rhythm features, augmentation or pretrained networks.
-# There are no smoothed time maps, matched beats or locked feet, neither in the takes nor in the dance. There
-# are no held poses, no dynamics, no steering to the stage, and no other costs.
-#
-# Where the paper is silent, we chose:
-#
-# - the widths of layers, and the λ of equations 1 and 2: those of `StyleConfig` and `DensityConfig`. Every λ
-#   of equation 4 is 1
-# - batch, rate and epochs of the style networks: those of the tempo-densities, the only ones it names
-# - what an epoch is: as many segments (4 s for style, 8 s for densities) as fit the takes without overlap
-# - equations 2 and 3 with means of squares for norms
-# - how far a random warp moves a motion beat: up to 0.5 s, where the slope stays in [0.5, 2]
-# - the DTW's weights: a step of two query frames pays for both (`choreography.graph.warping`)
-# - nodes are joined where the last pose stands and faces, as in motion graphs, and the transition cost is
-#   measured so. Consecutive nodes of a segment are at distance 0, where the paper's are a frame apart
-# - the settings of the rollout network are those of Rhythm is a Dancer, sections 4 and 5. It does not state
-#   the weights of the losses of positions and contacts (1 here), or how many teacher-forced and self-fed
-#   frames alternate (5 here, as in the acLSTM that it builds on). Ours are the root, which is relative to the
-#   heading of the dancer (`nets.rollout_poses`), slight smoothing, and steering to the stage
-# - a second without a motion beat extends the gap of completeness to its far end
-# - a crossfade lasts 0.25 s. The dance is sampled at 60 fps by a spline through the path's 20 frames a second
-# - one-frame jumps of markers are smoothed and takes retargeted to one skeleton, as for every repertoire
-
-
-METHOD = "published"  # begins the provenance of its repertoires
-PAPER_EPOCHS = 10_000
-# Epochs of all networks. With half an hour of takes, they take one CPU core four minutes, or half an hour.
-EPOCHS = {"tiny": 10, "small": 100, "paper": PAPER_EPOCHS}
-
-_ADAM = {"batch_size": 16, "learning_rate": 1e-4, "weight_decay": 0.0, "schedule": "constant"}
-STYLE: dict[str, Any] = {
-    **_ADAM, "loss": "paper", "music_inputs": "mel", "normalised": False, "dropout": 0.0,
-    "augmented": False, "balanced_genres": False,
-}  # fmt: skip
-DENSITY: dict[str, Any] = {
-    **_ADAM, "music_batch_size": 16, "music_learning_rate": 1e-4, "loss": "paper", "velocities": False,
-    "skips": False, "unit_variance": False, "augmented": False, "synchronise": False, "music_target": "clip",
-}  # fmt: skip
-
-ROLLOUT_STEPS = {"tiny": 500, "small": 5_000, "paper": 500_000}  # scaled down as the epochs are
-ROLLOUT: dict[str, Any] = {
-    "by_genre": True, "condition_width": 0, "standardised": False, "phase": False, "count_phase": False,
-    "own_embedding_share": 0.0, "style_strength": 40.0, "style_fade_s": 0.0, "style_dropout": 0.0,
-    "loss": "paper", "perceptual_weight": 0.5, "position_weight": 1.0, "contact_weight": 1.0,
-    "tempi": (1.0,), "frames": 100, "teacher_frames": 5, "self_fed_frames": (5,), "n_layers": 3,
-    "batch_size": 32, "learning_rate": 1e-4, "weight_decay": 0.0, "schedule": "constant",
-}  # fmt: skip
-
-_JOINTS_TO_NORM = float(np.sqrt(21.0))  # our transition cost is a mean over 21 joints, the paper's a norm
-WEIGHTS: dict[str, float] = {
-    **dict.fromkeys(DEFAULT_WEIGHTS, 0.0), "genre": 1.0, "completeness": 1.0, "transition": _JOINTS_TO_NORM,
-}  # fmt: skip
-DANCE: dict[str, Any] = {
-    "planner": "greedy", "candidates": 512, "selection": "style", "warping": "dtw", "density": "clip",
-    "time_maps": "raw", "blending": "linear", "transitions": "seconds", "lock_feet": False,
-    "hold_ends": False, "stage": "free", "front": "free", "dynamics": 0.0, "weights": WEIGHTS,
-}  # fmt: skip
-
-
-# Of the other engines: equations 5 and 4 of Rhythm is a Dancer as printed, motif by motif.
-_MOTIFS = {"motif_draw": "absolute", "phrase_counts": 1, "hold_ends": False, "dynamics": 0.0}
-_DANCES: dict[str, dict[str, Any]] = {
-    "graph": DANCE,
-    "mixer": _MOTIFS
-    | {"planner": "greedy", "blending": "linear", "lock_feet": False, "stage": "free", "front": "free"},
-    "rollout": {**_MOTIFS, "front": "free", "style_strength": 40.0, "style_window": "hamming"},
-}  # fmt: skip
-
-
-def published_build(preset: str) -> dict[str, Any]:
-    """Keywords of `build` for both methods as published, with networks and epochs scaled by the preset.
-
-    Raises `ParameterError` for an unknown preset.
-    """
-    if preset not in EPOCHS:
-        raise ParameterError(f"expected a preset among {', '.join(EPOCHS)}, got {preset!r}")
-    epochs = {"epochs": EPOCHS[preset]}
-    return {
-        "preset": preset, "density": "learned", "lock_feet": False, "pretrained": "nothing",
-        "style_changes": STYLE | epochs, "density_changes": DENSITY | epochs, "rollout_teacher": False,
-        "rollout_changes": ROLLOUT | {"steps": ROLLOUT_STEPS[preset]},
-        "method": f"{METHOD}: {scaling(preset)}",
-    }  # fmt: skip
-
-
-def published_dance(engine: str = "graph", **changes: Any) -> DanceConfig:
-    """The settings of a dance as published, with fields changed.
-
-    They are those of ChoreoGraph for the graph engine, and of Rhythm is a Dancer for the mixer and the
-    rollout. Raises `ParameterError` for another engine.
-    """
-    check_choice("a published engine", engine, _DANCES)
-    return DanceConfig(engine=engine, **(_DANCES[engine] | changes))
-
-
-def scaling(preset: str) -> str:
-    """The sizes and training lengths that a preset scales down, in words."""
-    paper, ours = (density_config(name) for name in ("paper", preset))
-    if preset == "paper":
-        return "at full size"
-    hidden = [config.hidden_dim for config in (ours, paper)]
-    return (
-        f"{EPOCHS[preset]:,} epochs of {PAPER_EPOCHS:,}, hidden vectors of {hidden[0]:,} numbers for "
-        f"{hidden[1]:,}, contents of {ours.content_dim:,} for {paper.content_dim:,}"
-    )

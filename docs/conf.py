@@ -111,7 +111,20 @@ def _as_numpydoc(_app, _what, _name, _obj, _options, lines: list[str]) -> None:
 def _draw(app) -> None:
     from figures import draw_all
 
-    draw_all(Path(app.srcdir) / "_figures")
+    folder = Path(app.srcdir) / "_figures"
+    draw_all(folder)
+    (folder / "costs.md").write_text(_table_of_costs(), encoding="utf-8")
+
+
+def _table_of_costs() -> str:
+    """A row for each built-in cost, of what its class declares."""
+    from choreograph.choreography.graph.costs import BUILTIN_COSTS
+
+    rows = ["| cost | default weight | unit | it is high where |", "| --- | --- | --- | --- |"]
+    rows += [
+        f"| `{one.name}` | {one.default_weight:g} | {one.unit} | {one.sentence} |" for one in BUILTIN_COSTS
+    ]
+    return "\n".join(rows) + "\n"
 
 
 def setup(app) -> None:

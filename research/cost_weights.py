@@ -27,6 +27,7 @@ import soundfile
 
 import choreograph as cg
 from choreograph.choreography.graph import engine
+from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ
@@ -37,7 +38,6 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.form import Form
 from choreograph.music.song_features import SongFeatures
 from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.settings import DEFAULT_WEIGHTS
 from content.songs.known_forms import FormSong
 from research.form_dances import RETURNING, Row, measured, true_form
 

@@ -32,7 +32,7 @@ from choreograph.library.words import dance_bounds_s, poses_at, segment_words, s
 from choreograph.motion.body import body_pos_m, clips_to_root_frame
 from choreograph.nets.configs import word_config
 from choreograph.nets.words import WordTake, train_word_net
-from choreograph.settings import published_dance
+from choreograph.pipeline.published import published_dance
 
 Embed = Callable[[Floats], "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"]
 Judge = tuple[Vocabulary, Embed]

@@ -49,7 +49,7 @@ from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import accent_shifts_s
 from choreograph.music.song import Song, load_song
 from choreograph.nets.rollout_poses import PosePredictor
-from choreograph.settings import published_dance
+from choreograph.pipeline.published import published_dance
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 WITHOUT_MOTION = {"DANCE_C_1": "cha-cha", "DANCE_C_3": "cha-cha", "DANCE_R_6": "rumba", "DANCE_R_10": "rumba"}

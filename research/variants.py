@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from choreograph import settings as published
+from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.evaluation import variants as shipped
 from choreograph.evaluation.songs import EvaluatedSong
 from choreograph.evaluation.variants import Variant
 from choreograph.formats.register import annotate_takes
-from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig
+from choreograph.pipeline import published
+from choreograph.settings import DanceConfig
 
 
 def _variant(name: str, description: str, *, seeded: bool = True, **settings: Any) -> Variant:

@@ -28,7 +28,7 @@ from choreograph.core.timebase import (
     SEGMENT_S,
     frame_times_s,
 )
-from choreograph.settings import published_dance
+from choreograph.pipeline.published import published_dance
 
 SOURCE, WARPED, MUSIC, BEATS = "#d08a2e", "#2e8b6f", "#33405c", "#c1272d"
 LINK_EVERY = 5  # frames

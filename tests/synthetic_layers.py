@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from choreograph.choreography.graph.cost import Cost, WeightedCost
+from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.layers import Moments
 from choreograph.choreography.graph.motif_costs import node_motifs, song_words_s
 from choreograph.choreography.graph.segments import ClipTable, LayerSource
@@ -110,3 +112,9 @@ def random_source(
 
 def _time_map_ids(rng: np.random.Generator, n_seconds: int, k: int) -> np.ndarray:
     return np.where(rng.random((n_seconds, k)) < 0.5, rng.integers(0, 3, (n_seconds, k)), NO_TIME_MAP)
+
+
+def plain_costs() -> list[WeightedCost]:
+    """The built-in costs that are made without arguments, with their default weights."""
+    plain = [kind for kind in BUILTIN_COSTS if kind.for_dance.__func__ is Cost.for_dance.__func__]
+    return [WeightedCost(kind(), kind.default_weight) for kind in plain]

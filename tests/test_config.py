@@ -12,7 +12,7 @@ import choreograph as cg
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.library.building.options import BuildOptions, BuildSettings
 from choreograph.pipeline.dancing import DanceArguments
-from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, DanceSettings, load_config, resolve_weights
+from choreograph.settings import DanceConfig, DanceSettings, load_config
 
 
 def test_the_keywords_are_the_fields_with_their_types():
@@ -106,10 +106,3 @@ def test_malformed_toml(tmp_path):
     for path in (written(tmp_path / "c.toml", "a = = 1"), tmp_path / "none.toml", tmp_path, binary):
         with pytest.raises(FormatError, match=r"config \(TOML\)"):
             load_config(path)
-
-
-def test_weights_are_given_or_default_or_one():
-    weights = resolve_weights({"style": 3}, ["style", "transition", "mine"])
-    assert weights == {"style": 3.0, "transition": DEFAULT_WEIGHTS["transition"], "mine": 1.0}
-    with pytest.raises(ParameterError, match="'stile'"):
-        resolve_weights({"stile": 1}, ["style"])

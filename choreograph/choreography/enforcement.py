@@ -241,6 +241,7 @@ class KeptBorders(Cost):
     """
 
     name = "kept_borders"
+    sentence = "The pose differs from that of the part that is kept."
     min_jump_cost = 0.0
 
     def __init__(self, kept: KeptDance, duration_s: float) -> None:
@@ -272,6 +273,7 @@ class AvoidRepeating(Cost):
     """1 for a node that an earlier dance had in this second, in the same take within half a second."""
 
     name = "unlike"  # in plans
+    sentence = "An earlier dance has the same here."
 
     def __init__(self, earlier: Sequence[Plan]) -> None:
         self._earlier = [plan for plan in earlier if plan.seconds]

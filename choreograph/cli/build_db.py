@@ -191,7 +191,7 @@ def command(
     """
     from choreograph.library.building.options import BuildOptions
     from choreograph.motion.bone_map import read_bone_map
-    from choreograph.settings import published_build
+    from choreograph.pipeline.published import published_build
 
     is_change = bool(add or replace or remove)
     if output is None and not check and not is_change:

@@ -30,7 +30,7 @@ from choreograph.cli.declared import (
 from choreograph.cli.times import Seconds, SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.formats import output_formats
-from choreograph.settings import MAX_VARIATIONS, DanceConfig, engine_names, load_config, published_dance
+from choreograph.settings import MAX_VARIATIONS, DanceConfig, engine_names, load_config
 
 if TYPE_CHECKING:
     from choreograph.choreography.edits import EditRequest
@@ -391,6 +391,7 @@ class DanceOptions:
 def _published(engine: str, repertoire: Repertoire) -> DanceConfig:
     """The settings as published. Raises `RepertoireError` if the rollout networks they need are missing."""
     from choreograph.library.schema import rollout_names
+    from choreograph.pipeline.published import published_dance
 
     config, names = published_dance(engine), rollout_names(repertoire.net_names)
     if engine == "rollout" and (not names or "rollout" in names):

@@ -345,7 +345,7 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
     """
     from choreograph.core.settings import described, unknown_setting
     from choreograph.library.building.options import BuildOptions
-    from choreograph.settings import DEFAULT_WEIGHTS, DanceConfig, cost_names
+    from choreograph.settings import DanceConfig
 
     found = {setting.name: setting for setting in described(BuildOptions if build else DanceConfig)}
     if name is not None:
@@ -359,27 +359,19 @@ def settings(name: str | None, build: bool, toml: bool) -> None:
             click.echo(f"{setting.name}: {setting.kind}, default {setting.default!r}")
             click.echo(click.wrap_text(setting.text, 100, "    ", "    ") + "\n")
     if name == "weights" and not toml:
-        explained = _explained_costs()
-        for cost in cost_names():
-            click.echo(f"    {cost} = {DEFAULT_WEIGHTS.get(cost, '(of another package, unused)')}")
-            click.echo(click.wrap_text(explained[cost], 100, "        ", "        "))
+        _explain_costs()
 
 
-def _explained_costs() -> dict[str, str]:
-    """What each cost measures and when to change its weight, by the docstrings of their classes."""
-    from choreograph.choreography.graph.cost import Cost
-    from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
-    from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
-    from choreograph.choreography.graph.returns import FormCost, Stage
-    from choreograph.settings import cost_names
+def _explain_costs() -> None:
+    """Print the weight of each cost, and what the docstring of its class says on it."""
+    from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS, cost_kinds
 
-    kinds: list[type[Cost]] = [*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS]
-    explained = {}
-    for kind in [*kinds, *(type(cost) for cost in installed_costs(cost_names()))]:
+    for kind in cost_kinds():
         text = inspect.getdoc(kind) or ""
         _, raise_it, where = " ".join(text.split()).partition("Raise its weight")
-        explained[kind.name] = " ".join(filter(None, [text.partition("\n")[0], raise_it + where]))
-    return explained
+        explained = " ".join(filter(None, [text.partition("\n")[0], raise_it + where]))
+        click.echo(f"    {kind.name} = {DEFAULT_WEIGHTS.get(kind.name, '(of another package, unused)')}")
+        click.echo(click.wrap_text(explained, 100, "        ", "        "))
 
 
 def _as_toml(setting: Setting) -> list[str]:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from choreograph import settings as published
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.engine import engines
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
@@ -23,6 +22,7 @@ from choreograph.formats.npz import read_npz
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.song import Song
+from choreograph.pipeline import published
 from choreograph.pipeline.dancing import Dance, dance
 from choreograph.plan.plan import Plan, PlannedSecond
 from choreograph.render.rendering import render

@@ -170,8 +170,8 @@ def build(
     report : called with the name of the stage, the work done so far, and all the work
     training_report : called repeatedly with a `TrainingProgress`
     **settings : single settings, which replace those of `options`: any field of `BuildOptions`, such as
-        `preset`, `seed` and `leave_out`. `choreograph.settings.published_build` makes those of ChoreoGraph as
-        published
+        `preset`, `seed` and `leave_out`. `choreograph.pipeline.published.published_build` makes those of
+        ChoreoGraph as published
 
     Raises
     ------

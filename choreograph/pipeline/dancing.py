@@ -246,7 +246,7 @@ def dance(
     costs : custom costs beside those of the engine, with the weight 1 unless given
     start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
         dance, or the whole song
-    config : all settings in one object, such as one of `choreograph.settings.published_dance`
+    config : all settings in one object, such as one of `choreograph.pipeline.published.published_dance`
     report : called with the name of the stage, the work done so far, and all the work
     **settings : single settings, which replace those of `config`: any field of `DanceConfig`, such as
         `engine`, `seed`, `fps` and `beats`. `weights` adds to those of `config`

@@ -7,6 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from choreograph.choreography.edits import edit_slots, slot_bounds_s
+from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders
+from choreograph.choreography.graph.candidates import AllowedNodes
+from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS, cost_kinds
 from choreograph.choreography.pieces import PieceRequest
 from choreograph.core.counts import bars_of
 from choreograph.core.errors import ParameterError
@@ -15,35 +19,9 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor
 from choreograph.plan.plan import Block, Plan, PlannedSecond, goes_on
-from choreograph.settings import DEFAULT_WEIGHTS
 
 _LONGEST_S = 6.0  # of a part for which the next best is looked for
-_HIGHEST = 4.0  # of a slider, in units of the default weight
 
-# Of the graph engine: what a dance pays for.
-OF_DANCE = {
-    "genre": "The style of the take differs from that of the music.",
-    "completeness": "The take is left before its movement is complete.",
-    "transition": "The poses differ where one take follows another.",
-    "velocity": "The speeds of the joints differ where one take follows another.",
-    "rhythm": "Motion beats miss the beats of the music.",
-    "pace": "The take is played faster or slower than it was danced.",
-    "front": "The dancer turns away from the audience.",
-    "seed": "A random preference, which another seed changes.",
-    "variety": "The same take was danced shortly before.",
-    "repeat": "The take jumps back to what was just danced.",
-    "signature": "The motifs differ from those that were asked for.",
-    "motif_transition": "These motifs rarely follow each other in the takes.",
-    "accents": "Motion beats are not on the counts.",
-    "bars": "Count 1 of the take is not on count 1 of the music.",
-    "phrasing": "The take changes inside of a figure or a bar.",
-    "energy": "The motion is larger or smaller than the music is loud.",
-    "steps": "There are more or fewer steps than the music has onsets.",
-    "stillness": "The dancer stands still where the music goes on.",
-    "form": "A phrase that returns in the music is danced in another way.",
-    "stage": "The dancer leaves the stage.",
-    "constraints": "The take is not of the genre that is likely here.",
-}
 # Of pieces of takes for a part of a dance, in metres of joint distance.
 OF_PIECE = {
     "joins": "The poses at both ends differ from the dance around it.",
@@ -79,7 +57,7 @@ def explained(dance: Dance, repertoire: Repertoire, at_s: float) -> dict[str, An
         "start_s": round(start_s, 4), "end_s": round(end_s, 4), "bars": _bars(plan, start_s, end_s),
         "from_s": round(first.source_start_s, 3), "to_s": round(last.source_end_s, 3),
         "stretched": round((end_s - start_s) / source_s, 4) if source_s > 0 else None,
-        "mirrored": first.mirrored, "edits": edits, "reasons": reasons(costs, OF_DANCE),
+        "mirrored": first.mirrored, "edits": edits, "reasons": reasons(costs, of_dance()),
         "next_best": next_best(dance, repertoire, (start_s, end_s), at_s),
     }  # fmt: skip
 
@@ -109,12 +87,18 @@ def reasons(costs: Mapping[str, float], sentences: Mapping[str, str]) -> list[di
     ]  # fmt: skip
 
 
+def of_dance() -> dict[str, str]:
+    """The sentences of the costs of the graph engine, by name, also of those that requests add."""
+    kinds: list[type[Cost]] = [*cost_kinds(), AllowedNodes, KeptBorders, AvoidRepeating]
+    return {kind.name: kind.sentence for kind in kinds}
+
+
 def weight_choices() -> list[dict[str, Any]]:
-    """A slider for the weight of each cost of the graph engine."""
+    """A slider for the weight of each cost of the graph engine. That of another package is not used at 0."""
     return [
-        {"name": name, "default": default, "low": 0.0, "high": max(_HIGHEST * default, 1.0),
-         "sentence": OF_DANCE[name]}
-        for name, default in DEFAULT_WEIGHTS.items()
+        {"name": cost.name, "label": cost.label, "default": DEFAULT_WEIGHTS.get(cost.name, 0.0), "low": 0.0,
+         "high": cost.highest_weight, "sentence": cost.sentence}
+        for cost in cost_kinds()
     ]  # fmt: skip
 
 

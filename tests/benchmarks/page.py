@@ -26,8 +26,8 @@ from processes import process_table, processes
 from stages import REST, measured, song_of, unit_s
 
 import choreograph as cg
-from choreograph.choreography.graph import edge_kernels, forward
 from choreograph.choreography.graph import engine as graph_engine
+from choreograph.choreography.graph import forward, kernels
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.music.beats import cached_librosa
 
@@ -138,7 +138,7 @@ class _KnownEdges(forward._Edges):
     def cheapest(self, block, part, beyond, most):
         edges = self._edges[block] if len(part) == self._edges.shape[1] else self._edges[block][:, part]
         rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
-        edge_kernels.cheapest_predecessors(beyond, edges, least, rows)
+        kernels.cheapest_predecessors(beyond, edges, least, rows)
         return rows, edges[rows, np.arange(len(part))]
 
 
@@ -172,7 +172,7 @@ def searches(layers: list) -> tuple[Callable[[], float], Callable[[], float]]:
         for of_second in edges:
             n_nodes = of_second.shape[1]
             least, rows = np.full(n_nodes, np.inf, np.float32), np.zeros(n_nodes, np.int32)
-            edge_kernels.cheapest_predecessors(reached, of_second, least, rows)
+            kernels.cheapest_predecessors(reached, of_second, least, rows)
             reached = least
         return float(reached.min())
 

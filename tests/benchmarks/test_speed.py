@@ -14,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from synthetic_layers import plain_costs
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
-from choreograph.choreography.graph.cost import WeightedCost
-from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.graph.segments import ClipTable, LayerSource
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
@@ -29,7 +28,6 @@ from choreograph.library.writing import write_repertoire
 from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures, music_density
 from choreograph.music.synthesis.song import render_song, write_song
-from choreograph.settings import DEFAULT_WEIGHTS
 
 N_SECONDS, K, N_CLIPS = 180, 512, 2000
 
@@ -100,7 +98,7 @@ def test_planning_a_song_exactly(benchmark, repertoire, warping, styles):
         Sections(np.zeros(0), np.zeros(0, np.int64)),
         np.ones(N_SECONDS, np.float32), 0.0, float(N_SECONDS), np.full(N_SECONDS, 0.5, np.float32),
     )  # fmt: skip
-    costs = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+    costs = plain_costs()
 
     def plan():
         return plan_exact(LayerSource(segments, clips, repertoire.clip_motion), costs, music)

@@ -9,7 +9,7 @@ from synthetic_layers import random_source
 import choreograph as cg
 from choreograph.choreography.graph import cheap_nodes
 from choreograph.choreography.graph.cheap_nodes import cheapest, including
-from choreograph.choreography.graph.path_kernels import arrays_of
+from choreograph.choreography.graph.kernels import arrays_of
 
 
 @pytest.mark.parametrize("n_cheap", [3, 128])

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.cost import Cost
+from choreograph.choreography.graph.cost import Cost, resolve_weights
 from choreograph.choreography.graph.costs import (
     BUILTIN_COSTS,
+    DEFAULT_WEIGHTS,
     Accents,
     Bars,
     Completeness,
     Energy,
-    Front,
     Genre,
     Pace,
     Phrasing,
@@ -25,14 +25,13 @@ from choreograph.choreography.graph.costs import (
     Seed,
     Steps,
     Transition,
-    Variety,
     Velocity,
 )
-from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, Stillness
-from choreograph.choreography.graph.returns import FormCost, Stage
+from choreograph.choreography.graph.kernels import COMPILED, COMPILED_OF_PATH
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
+from choreograph.choreography.graph.path_costs import FormCost, Front, Variety
 from choreograph.core.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.settings import DEFAULT_WEIGHTS
 
 
 @pytest.fixture(params=range(3))
@@ -392,7 +391,40 @@ def test_a_cost_has_its_class_name_or_its_own():
     assert Another().edge(source.layer(0), source.layer(1), song_features) is None
 
 
-def test_default_weights_are_of_the_graphs_costs():
-    assert set(DEFAULT_WEIGHTS) == {
-        cost.name for cost in (*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS)
-    }
+def test_every_built_in_cost_declares_what_help_and_studio_say():
+    assert list(DEFAULT_WEIGHTS) == [kind.name for kind in BUILTIN_COSTS]
+    for kind in BUILTIN_COSTS:
+        own = kind.__dict__
+        assert own["default_weight"] == DEFAULT_WEIGHTS[kind.name] <= kind.highest_weight
+        assert own["sentence"].endswith(".") and own["sentence"][0].isupper()
+        assert "Raise its weight" in " ".join((kind.__doc__ or "").split())
+
+
+def test_a_cost_of_ones_own_declares_nothing_and_has_defaults():
+    class HighHands(Cost):
+        """Prefers high hands."""
+
+    class Dearer(HighHands):
+        default_weight = 3.0
+
+    assert (HighHands.label, HighHands.default_weight, HighHands.highest_weight) == ("highhands", 1.0, 4.0)
+    assert HighHands.sentence == "Prefers high hands." and Dearer.sentence == "A cost of your own."
+    assert Dearer.highest_weight == 12.0
+
+
+def test_the_compiled_costs_are_in_the_order_of_their_sum():
+    assert [kind for kind in BUILTIN_COSTS if kind in COMPILED] == list(COMPILED)
+    assert (Front, Variety, FormCost, Signature) == COMPILED_OF_PATH
+    assert {MotifTransition, Completeness, Repeat} < set(COMPILED)
+
+
+def test_weights_are_given_or_default():
+    class Mine(Cost):
+        default_weight = 2.0
+
+    weights = resolve_weights({"genre": 3}, [Genre, Transition, Mine()])
+    assert weights == {"genre": 3.0, "transition": Transition.default_weight, "mine": 2.0}
+    with pytest.raises(ParameterError, match="'gnre'"):
+        resolve_weights({"gnre": 1}, [Genre])
+    with pytest.raises(ParameterError, match="the cost 'style' is called 'genre'"):
+        resolve_weights({"style": 1}, [Genre, Transition])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.motif_costs import Stillness
+from choreograph.choreography.graph.costs import Stillness
 from choreograph.motion.body import BODY_JOINTS
 
 LEFT_ANKLE = BODY_JOINTS.index("left_ankle")

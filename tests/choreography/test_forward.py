@@ -9,18 +9,11 @@ import pytest
 from synthetic_layers import random_source
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs
-from choreograph.choreography.graph.costs import (
-    Completeness,
-    Front,
-    Phrasing,
-    Repeat,
-    Transition,
-    Variety,
-    Velocity,
-)
+from choreograph.choreography.graph.costs import Completeness, Phrasing, Repeat, Transition, Velocity
 from choreograph.choreography.graph.forward import Steps
 from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
+from choreograph.choreography.graph.path_costs import Front, Variety
 from choreograph.choreography.material import MotifGoal
 
 N_MOTIFS = 5

@@ -12,6 +12,7 @@ from installed_packages import installed_package
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
+from choreograph.studio.explain import of_dance, reasons, weight_choices
 
 PAGES = Path(__file__).resolve().parents[2] / "docs" / "contributing"
 
@@ -69,6 +70,14 @@ def test_an_installed_cost_takes_part_where_a_weight_names_it(repertoire, song, 
         assert used.plan.weights["highhands"] == 2.0 and "highhands" not in unused.plan.weights
         assert all(second.costs["highhands"] < 0 for second in used.plan.seconds)
         assert "highhands" in run("settings", "weights").stdout
+        (slider,) = (choice for choice in weight_choices() if choice["name"] == "highhands")
+        assert (slider["default"], slider["high"]) == (0.0, 4.0)
+        explained = reasons({"highhands": 2.0}, of_dance())
+        assert (
+            explained[0]["sentence"]
+            == slider["sentence"]
+            == "Prefers seconds with a joint high above the floor."
+        )
     with pytest.raises(cg.ParameterError, match="got 'highhands'"):
         cg.dance(song, repertoire, weights={"highhands": 2.0})
 

@@ -11,9 +11,9 @@ from synthetic_layers import random_source
 import choreograph as cg
 from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
-from choreograph.choreography.graph.costs import Front, Variety
 from choreograph.choreography.graph.local_search import CheapNodes, _Noise
 from choreograph.choreography.graph.motif_costs import Signature
+from choreograph.choreography.graph.path_costs import Front, Variety
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.motion.body import BODY_JOINTS
@@ -98,7 +98,7 @@ def test_the_compiled_search_is_that_of_any_costs_to_the_bit(seed, n_motifs, mon
     nodes = [allowed_nodes(source.layer(second), costs, song_features) for second in range(8)]
     compiled = CheapNodes.of(nodes, costs, song_features)
     compiled.cost(np.zeros(8, np.int64))
-    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED", ())
+    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED_OF_PATH", ())
     of_any = CheapNodes.of(nodes, costs, song_features)
     assert type(compiled) is not type(of_any)
     rng = np.random.default_rng(seed)
@@ -119,9 +119,9 @@ def test_the_compiled_search_is_that_of_any_costs_to_the_bit(seed, n_motifs, mon
 def test_a_dance_is_the_same_with_compiled_searches(changes, monkeypatch):
     arguments = {"duration_s": 24.0, "seed": 2, **changes}
     plan = cg.dance(cg.example_songs()["house"], **arguments).plan
-    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED", ())
+    monkeypatch.setattr("choreograph.choreography.graph.local_search.COMPILED_OF_PATH", ())
     assert cg.dance(cg.example_songs()["house"], **arguments).plan == plan
-    monkeypatch.setattr("choreograph.choreography.graph.forward._ORDER", ())
+    monkeypatch.setattr("choreograph.choreography.graph.forward.COMPILED", ())
     assert cg.dance(cg.example_songs()["house"], **arguments).plan == plan
 
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_layers import random_source
+from synthetic_layers import plain_costs, random_source
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost
-from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.motif_costs import (
     MotifTransition,
     Signature,
@@ -26,9 +25,8 @@ from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.counts import make_counts
 from choreograph.core.numerics import chi_square_distance
 from choreograph.library.words import signature
-from choreograph.settings import DEFAULT_WEIGHTS
 
-BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+BUILTIN = plain_costs()
 K = 5
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from synthetic_layers import random_source
+from synthetic_layers import plain_costs, random_source
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Completeness, Phrasing, Variety
+from choreograph.choreography.graph.costs import Completeness, Phrasing
+from choreograph.choreography.graph.path_costs import Variety
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy, plan_motion_graph
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.settings import DEFAULT_WEIGHTS
 
-BUILTIN = [WeightedCost(cost(), DEFAULT_WEIGHTS[cost.name]) for cost in BUILTIN_COSTS]
+BUILTIN = plain_costs()
 WITHOUT_PHRASING = [weighted for weighted in BUILTIN if not isinstance(weighted.cost, Phrasing)]
 
 

@@ -12,8 +12,9 @@ from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes
 from choreograph.choreography.graph.layers import MIDDLE, positions
 from choreograph.choreography.graph.local_search import CheapNodes
+from choreograph.choreography.graph.path_costs import FormCost, Variety
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy
-from choreograph.choreography.graph.returns import FormCost, Returns
+from choreograph.choreography.graph.returns import Returns
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.errors import ParameterError
 from choreograph.music.count_grids import SongGrid
@@ -144,7 +145,7 @@ def form_by_hand(nodes) -> list[float]:
 @pytest.mark.parametrize("plan", [plan_exact, plan_greedy])
 @pytest.mark.parametrize("seed", range(5))
 def test_booked_costs_are_those_of_the_paths_own_first_phrases(seed, plan):
-    from choreograph.choreography.graph.costs import Genre, Variety
+    from choreograph.choreography.graph.costs import Genre
 
     source, song_features = source_of_returns(seed, usage=True)
     costs = [WeightedCost(Genre(), 1.0), WeightedCost(Variety(), 2.0), WeightedCost(FormCost(OF_PAIRS), 3.0)]

@@ -12,7 +12,7 @@ from synthetic_motions import swaying
 
 import choreograph as cg
 from choreograph.choreography.graph.local_search import with_history
-from choreograph.choreography.graph.returns import Stage
+from choreograph.choreography.graph.path_costs import Stage
 from choreograph.choreography.mixer.engine import _stage_costs as stage_costs
 from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_words
 from choreograph.core.arguments import as_stage_m

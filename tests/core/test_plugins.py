@@ -14,10 +14,11 @@ from synthetic_motions import stepping
 
 import choreograph as cg
 from choreograph.choreography.engine import engine_named, engines
-from choreograph.choreography.graph.costs import installed_costs
+from choreograph.choreography.graph.costs import COST_GROUP, installed_costs
+from choreograph.core.plugins import installed_names
 from choreograph.formats import added_formats
 from choreograph.formats.register import import_takes, save_motion
-from choreograph.settings import DanceConfig, cost_names, engine_names
+from choreograph.settings import DanceConfig, engine_names
 
 ALL = "[choreograph.formats]\na = bad\n[choreograph.engines]\nbad = bad:E\n[choreograph.costs]\nbad = bad:C\n"
 FORMAT = "[choreograph.formats]\na = bad\n"
@@ -47,7 +48,8 @@ def notes_with(folder, caplog, source, entry_points):
 
 def use_all():
     """What commands use of other packages."""
-    return added_formats(), engines(), installed_costs(cost_names()), engine_names(), cost_names()
+    names = installed_names(COST_GROUP)
+    return added_formats(), engines(), installed_costs(names), engine_names(), names
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def test_what_cannot_be_loaded_is_left_out_with_one_note(tmp_path, caplog, sourc
         use_all()
         formats, known, costs, names, _ = use_all()
         assert not formats and not costs and tuple(known) == names == ("graph", "mixer", "rollout")
-        assert "bad" not in cost_names()
+        assert "bad" not in installed_names(COST_GROUP)
     (note,) = notes
     assert note.startswith("the package bad could not be loaded and is left out: ") and says in note
     assert "\n" not in note

@@ -8,16 +8,16 @@ from types import SimpleNamespace
 
 import pytest
 
+from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.choreography.pieces import PieceRequest
 from choreograph.core.errors import ParameterError
 from choreograph.plan.plan import PlannedSecond, goes_on
-from choreograph.settings import DEFAULT_WEIGHTS
 from choreograph.studio import explain
 from choreograph.studio.explain import (
-    OF_DANCE,
     OF_PIECE,
     explained,
     next_best,
+    of_dance,
     reasons,
     run_at,
     weight_choices,
@@ -25,7 +25,7 @@ from choreograph.studio.explain import (
 
 
 def test_costs_are_in_order_with_their_shares_and_sentences():
-    found = reasons({"genre": 1.0, "rhythm": 3.0, "front": 0.0, "mine": 4.0}, OF_DANCE)
+    found = reasons({"genre": 1.0, "rhythm": 3.0, "front": 0.0, "mine": 4.0}, of_dance())
     assert [(one["name"], one["share"]) for one in found] == [
         ("mine", 0.5),
         ("rhythm", 0.375),
@@ -33,17 +33,17 @@ def test_costs_are_in_order_with_their_shares_and_sentences():
     ]
     assert [one["sentence"] for one in found] == [
         "A cost of your own.",
-        OF_DANCE["rhythm"],
-        OF_DANCE["genre"],
+        of_dance()["rhythm"],
+        of_dance()["genre"],
     ]
-    assert reasons({}, OF_DANCE) == reasons({"genre": 0.0}, OF_DANCE) == []
+    assert reasons({}, of_dance()) == reasons({"genre": 0.0}, of_dance()) == []
 
 
 def test_every_weight_has_a_slider_and_a_sentence():
     assert [choice["name"] for choice in weight_choices()] == list(DEFAULT_WEIGHTS)
     for choice in weight_choices():
         assert choice["low"] <= choice["default"] < choice["high"]
-        assert choice["sentence"] == OF_DANCE[choice["name"]] and choice["sentence"].endswith(".")
+        assert choice["sentence"] == of_dance()[choice["name"]] and choice["sentence"].endswith(".")
 
 
 def test_the_blocks_of_a_time_are_one_run(made):

@@ -40,6 +40,7 @@ class AllowedNodes(Cost):
     """Infinite for nodes that a request excludes, high for nodes of another genre than the likely one."""
 
     name = "constraints"
+    sentence = "The take is not of the genre that is likely here."
 
     def __init__(
         self, of_take: AnyFloats, motif_banned: NDArray[np.bool_], beside_pins: AnyFloats | None = None

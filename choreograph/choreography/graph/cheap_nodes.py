@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import F32, WeightedCost, allowed_nodes, edge_costs
-from choreograph.choreography.graph.costs import last_pose
+from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs
+from choreograph.choreography.graph.costs import F32
 from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, repeated
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
+from choreograph.choreography.graph.path_costs import last_pose
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.free_memory import return_memory
 from choreograph.core.scratch import StoredArrays

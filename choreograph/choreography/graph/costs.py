@@ -1,39 +1,44 @@
-"""Costs of nodes and edges. The built-in ones use only what a user-defined cost can use, too."""
+"""The built-in costs of nodes and of edges, and the register of all costs.
+
+A cost is one class. It declares its default weight, its label, its unit and a sentence, and contains its
+formula once. Tables, help, checks and the studio are derived from `BUILTIN_COSTS`. Costs that depend on the
+path are in `path_costs`, and those of motifs in `motif_costs`. The built-in costs use only what a cost of a
+user can use, too.
+
+The formula of a cost of edges that is compiled is a function of one edge. `Cost.edge` evaluates it for
+arrays of nodes, and `kernels` compiles it into the loops of a search.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import (
-    Cost,
-    WeightedCost,
-    random_numbers,
-    revisits,
-    rms_distances,
-    rms_speed_m_s,
-    turned_costs,
-)
-from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.graph.cost import Cost, CostContext, WeightedCost, resolve_weights
+from choreograph.choreography.graph.layers import Layer, PoseBank
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
+from choreograph.choreography.graph.path_costs import FormCost, Front, Stage, Variety
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
+from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
-from choreograph.core.plugins import installed
-from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES, seconds_to_frames
+from choreograph.core.plugins import Group, installed, installed_names
+from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
-from choreograph.settings import COST_GROUP, DanceConfig, resolve_weights
+from choreograph.settings import DanceConfig
 
-USAGE_SCALE_S = 12.0  # of each of 15 takes in three minutes
-TURNED_TAKE = 4.0  # of 1 - cos of the rotation at which a take is entered
-_LAST_POSE = 6.0  # of 1 - cos of the heading of the last pose
-STILL_M_S = 0.1  # the velocities of slower bodies hardly differ
+F32 = NDArray[np.float32]
+_STILL_M_S = np.float32(0.1)  # the velocities of slower bodies hardly differ
 OVERLAP_FRAMES = NODE_FRAMES // 4  # a shorter step back is not a repeat: both sides may have the beat
-_LEFT_HIP, _RIGHT_HIP = (BODY_JOINTS.index(f"{side}_hip") for side in ("left", "right"))
+_ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right"))
+_HALF = np.float32(0.5)
 
 
 class Genre(Cost):
@@ -42,6 +47,10 @@ class Genre(Cost):
     It tells genres apart. Within a genre, it prefers the same clips in all parts of a song, so it is not
     named style as in ChoreoGraph. Raise its weight for clips that are nearer to the genre of the music.
     """
+
+    default_weight = 1.0
+    sentence = "The style of the take differs from that of the music."
+    also_called = ("style",)
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         distance: AnyFloats = np.linalg.norm(layer.style - song_features.style[layer.second], axis=1)
@@ -59,6 +68,9 @@ class Completeness(Cost):
     without counts.
     """
 
+    default_weight = 2.0
+    sentence = "The take is left before its movement is complete."
+    is_compiled = True
     min_jump_cost = 1.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -76,6 +88,59 @@ class Completeness(Cost):
         return np.where(previous.time_map_id[here] >= 0, 0.0, by_beats)
 
 
+# A squared distance is the difference of sums. Below this share of them, it is their rounding error, which
+# depends on the number of rows that are multiplied at once.
+_ROUNDING = np.float32(2e-6)
+
+
+@njit(
+    "float32[:,::1](float32[:,::1], float32[::1], float32[::1], float32)",
+    nogil=True,
+)
+def distances_from_product(
+    product: F32, sq_a: F32, sq_b: F32, scale: np.float32
+) -> F32:  # pragma: no cover - compiled
+    """√(scale · (|a|² + |b|² - 2 a·b)), replacing the products a·b, (P, N) float32. 0 within rounding."""
+    n_a, n_b = product.shape
+    for i in range(n_a):
+        for j in range(n_b):
+            product[i, j] = distance_from_product(product[i, j], sq_a[i], sq_b[j], scale)
+    return product
+
+
+@njit(inline="always")
+def distance_from_product(
+    product: Any, sq_a: Any, sq_b: Any, scale: Any
+) -> Any:  # pragma: no cover - compiled
+    """The formula of `Transition`, and of the difference in `Velocity`: one of `distances_from_product`."""
+    both = sq_a + sq_b
+    d = both - np.float32(2.0) * product
+    return np.sqrt(d * scale) if d > _ROUNDING * both else np.float32(0.0)
+
+
+def rms_distances(a: AnyFloats, b: AnyFloats) -> AnyFloats:
+    """Root mean square joint distances (P, N) of poses (P, 21, 3) and (N, 21, 3)."""
+
+    (flat_a, sq_a), (flat_b, sq_b) = flat_poses(a), flat_poses(b)
+    scale = np.float32(1.0 / a.shape[1])
+    distances_m: AnyFloats = distances_from_product(flat_a @ flat_b.T, sq_a, sq_b, scale)
+    return distances_m
+
+
+def flat_poses(poses: AnyFloats) -> tuple[F32, F32]:
+    """Poses (N, 21, 3) as vectors (N, 63), and the squares (N,) of their lengths."""
+    flat = np.ascontiguousarray(poses, np.float32).reshape(len(poses), -1)
+    return flat, np.einsum("nd,nd->n", flat, flat)
+
+
+def rms_speed_m_s(velocity_m_s: AnyFloats) -> NDArray[np.float32]:
+    """Root mean square joint speeds (N,) of velocities (N, 21, 3)."""
+    speed_m_s: NDArray[np.float32] = np.sqrt(
+        np.einsum("njd,njd->n", velocity_m_s, velocity_m_s) / velocity_m_s.shape[1], dtype=np.float32
+    )
+    return speed_m_s
+
+
 class Transition(Cost):
     """Root mean square joint distance in metres, with the next body aligned to the previous one.
 
@@ -84,6 +149,10 @@ class Transition(Cost):
     The first node costs nothing. Raise its weight if poses differ too much where takes change.
     """
 
+    default_weight = 3.0
+    sentence = "The poses differ where one take follows another."
+    unit = "m"
+    is_compiled = True
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
@@ -98,14 +167,21 @@ class Velocity(Cost):
     more than their dancers do. Raise its weight if the motion stops or turns where takes change.
     """
 
+    default_weight = 3.0
+    sentence = "The speeds of the joints differ where one take follows another."
+    is_compiled = True
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         difference_m_s = rms_distances(previous.last_velocity_m_s, next.first_velocity_m_s)
-        speed_m_s = 0.5 * (
-            rms_speed_m_s(previous.last_velocity_m_s)[:, None] + rms_speed_m_s(next.first_velocity_m_s)
-        )
-        return difference_m_s / (speed_m_s + np.float32(STILL_M_S))
+        before_m_s, after_m_s = map(rms_speed_m_s, (previous.last_velocity_m_s, next.first_velocity_m_s))
+        changes: AnyFloats = relative_change(difference_m_s, before_m_s[:, None], after_m_s)
+        return changes
+
+
+def relative_change(difference_m_s: Any, before_m_s: Any, after_m_s: Any) -> Any:
+    """The formula of `Velocity`: a difference of velocities by the mean of two speeds, arrays or numbers."""
+    return difference_m_s / (_HALF * (before_m_s + after_m_s) + _STILL_M_S)
 
 
 class Rhythm(Cost):
@@ -115,6 +191,9 @@ class Rhythm(Cost):
     beat. A node that is aligned by the counts of its take costs only the uncertainty of counts that were
     estimated from the motion. Raise its weight if takes without counts miss the beats of the song.
     """
+
+    default_weight = 14.0
+    sentence = "Motion beats miss the beats of the music."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         by_density = layer.unmatched_beat + layer.density_mismatch
@@ -128,6 +207,9 @@ class Accents(Cost):
     weight for motion that rests on the beats.
     """
 
+    default_weight = 0.0
+    sentence = "Motion beats are not on the counts."
+
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return np.where(layer.time_map_id >= 0, layer.unmatched_beat, 0.0)
 
@@ -138,6 +220,9 @@ class Bars(Cost):
     It is 0 if the bars coincide. A take of another metre differs in most beats. Raise its weight if count 1
     of the dance is not on count 1 of the song.
     """
+
+    default_weight = 6.0
+    sentence = "Count 1 of the take is not on count 1 of the music."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return layer.off_bar
@@ -150,16 +235,25 @@ class Phrasing(Cost):
     Raise its weight for takes that change only between figures.
     """
 
+    default_weight = 4.0
+    sentence = "The take changes inside of a figure or a bar."
+    is_compiled = True
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        cost = 0.5 * (previous.leave_penalty[:, None] + next.enter_penalty).astype(np.float32)
+        leave, enter = (np.asarray(p, np.float32) for p in (previous.leave_penalty, next.enter_penalty))
+        cost: AnyFloats = mean_penalty(leave[:, None], enter)
         cost[previous.successors_in(next)] = 0.0
         return cost
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         least: AnyFloats = 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
         return least
+
+
+def mean_penalty(leave: Any, enter: Any) -> Any:
+    """The formula of `Phrasing` where the take changes: the penalties may be arrays or numbers."""
+    return _HALF * (leave + enter)
 
 
 class Energy(Cost):
@@ -169,6 +263,9 @@ class Energy(Cost):
     song of constant loudness, the cost is 0. Raise its weight for a dance that follows the loudness more
     closely.
     """
+
+    default_weight = 2.0
+    sentence = "The motion is larger or smaller than the music is loud."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         louder = float(song_features.energy[layer.second] - song_features.energy.mean())
@@ -182,82 +279,11 @@ class Steps(Cost):
     more steps where the music has more onsets.
     """
 
+    default_weight = 0.5
+    sentence = "There are more or fewer steps than the music has onsets."
+
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         return steps_mismatch(float(song_features.onset_density[layer.second]), layer.steps)
-
-
-class Front(Cost):
-    """How far the dancer is turned from the audience in the dance, 0 … 1 (ours).
-
-    It is the square of (1 - cos heading) / 2, so that the back costs much more than the side. The heading is
-    followed along the path: takes that are joined at different headings turn everything that comes after
-    them. A change of takes therefore also costs four times 1 - cos of the rotation at which the next take is
-    danced. The last pose costs six times 1 - cos of its heading. Raise its weight if the dancer shows the
-    back to the audience for too long.
-    """
-
-    of_path = True
-    min_path_cost = 0.0
-    min_jump_cost = 0.0
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        if layer.second > 0:
-            return None
-        series, constant = heading_series(layer, song_features)
-        turned: AnyFloats = np.maximum(constant + series[:, 0] + series[:, 2], 0.0)
-        return turned
-
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        costs: AnyFloats = turned_costs(
-            previous.turn_rad, np.ascontiguousarray(previous.join_heading_rad[:, 1]),
-            np.ascontiguousarray(next.join_heading_rad[:, 0]), next.steer_rad, previous.next_part, next.part,
-            *heading_series(next, song_features), TURNED_TAKE,
-        )  # fmt: skip
-        return costs
-
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        # The square of x is at least 2 t x - t². With t as the x of a take that is not rotated, the sum of
-        # costs is a constant minus a cosine of the rotation.
-        towards, aside = next.facing[:, 0], next.facing[:, 1]
-        away = 0.5 - 0.5 * towards
-        last = last_pose(next, song_features)
-        cosine, sine = away * towards + TURNED_TAKE, away * aside
-        constant = away - away**2 + TURNED_TAKE
-        if last is not None:
-            cosine, sine, constant = cosine + last[:, 0], sine + last[:, 1], constant + _LAST_POSE
-        least: AnyFloats = np.maximum(constant - np.hypot(cosine, sine), 0.0)
-        return least
-
-
-def heading_series(layer: Layer, song_features: SongFeatures) -> tuple[AnyFloats, float]:
-    """The Fourier series (N, 4) of the cost of each node by the rotation of its take, and its constant."""
-    # ((1 - cos h) / 2)² = 3/8 - cos(h) / 2 + cos(2 h) / 8, where h is the heading in the take plus φ
-    series = layer.facing * np.array([-1 / 2, 1 / 2, 1 / 8, -1 / 8])
-    last = last_pose(layer, song_features)
-    if last is None:
-        return series, 3 / 8
-    series[:, :2] += last * [-1.0, 1.0]
-    return series, 3 / 8 + _LAST_POSE
-
-
-def last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-    """Cosine and sine (N, 2) of the hips' headings in the last pose, times its cost. Else None."""
-    last = _frame_of_last_pose(song_features) - layer.second * NODE_FRAMES
-    if not 0 <= last < NODE_FRAMES:
-        return None
-    poses_m, _ = layer.bank.poses_m(layer.clip, layer.source_frames[:, last])
-    across_m = poses_m[:, _LEFT_HIP] - poses_m[:, _RIGHT_HIP]  # hips may be turned against the shoulders
-    heading_rad = layer.heading_rad[:, last] + np.arctan2(-across_m[:, 2], across_m[:, 0])
-    pose: AnyFloats = _LAST_POSE * np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
-    return pose
-
-
-def _frame_of_last_pose(song_features: SongFeatures) -> int:
-    """The frame of the song, at 20 fps, whose pose is held at the end, or is the last one."""
-    _, held_s = held_times_s(song_features.opening_s, song_features.closing_s)
-    is_held = song_features.closing_s < song_features.duration_s
-    last = seconds_to_frames(held_s if is_held else song_features.duration_s, NET_FPS)
-    return min(last, song_features.n_seconds * NODE_FRAMES - 1)
 
 
 class Pace(Cost):
@@ -268,41 +294,14 @@ class Pace(Cost):
     weight for takes that are played nearer to their recorded speed.
     """
 
+    default_weight = 0.3
+    sentence = "The take is played faster or slower than it was danced."
+    unit = "octaves"
+
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         slopes = np.diff(layer.source_frames[:, :: NODE_FRAMES // 4], axis=1) / (NODE_FRAMES // 4)  # (N, 4)
         octaves: AnyFloats = np.abs(np.log2(slopes)).mean(axis=1)
         return octaves
-
-
-class Variety(Cost):
-    """Recent use of the node's take along the path to it, in seconds, divided by 12 (ours).
-
-    Without it, the cheapest path tends to stay in one long take. Raise its weight for more different takes in
-    a dance.
-    """
-
-    of_path = True
-    min_path_cost = 0.0
-
-    min_jump_cost = 0.0
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        if layer.second > 0 or layer.take_usage_s.shape[1] == 0:
-            return None
-        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.usage_column] / USAGE_SCALE_S
-        return usage
-
-    def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        if previous.take_usage_s.shape[1] == 0:
-            return None
-        usage: AnyFloats = previous.take_usage_s[:, next.usage_column] * np.float32(1.0 / USAGE_SCALE_S)
-        return usage
-
-    def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
-        if previous.take_usage_s.shape[1] == 0:
-            return 0.0
-        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.usage_column] / USAGE_SCALE_S
-        return least
 
 
 class Repeat(Cost):
@@ -312,14 +311,37 @@ class Repeat(Cost):
     weight if the dance repeats the same movement at once.
     """
 
+    default_weight = 8.0
+    sentence = "The take jumps back to what was just danced."
+    is_compiled = True
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        again: AnyFloats = revisits(
-            previous.take, np.ascontiguousarray(previous.take_frames[:, 1]),
-            next.take, np.ascontiguousarray(next.take_frames[:, 0]), OVERLAP_FRAMES, CLIP_FRAMES,
-        )  # fmt: skip
+        ends, starts = (np.ascontiguousarray(x) for x in (previous.take_frames[:, 1], next.take_frames[:, 0]))
+        again: AnyFloats = _all_repeats(previous.take, ends, next.take, starts)
         return again
+
+
+@njit(
+    "float32[:,::1](int32[::1], float64[::1], int32[::1], float64[::1])",
+    nogil=True,
+)
+def _all_repeats(
+    take_a: AnyInts, end_a: AnyFloats, take_b: AnyInts, start_b: AnyFloats
+) -> F32:  # pragma: no cover - compiled
+    """1 where an edge `repeats`, (P, N)."""
+    again = np.zeros((len(take_a), len(take_b)), np.float32)
+    for i in range(len(take_a)):
+        for j in range(len(take_b)):
+            if repeats(take_a[i], end_a[i], take_b[j], start_b[j]):
+                again[i, j] = 1.0
+    return again
+
+
+@njit(inline="always")
+def repeats(take_a: Any, end_a: Any, take_b: Any, start_b: Any) -> Any:  # pragma: no cover - compiled
+    """The formula of `Repeat`: whether b, in the same take as a, starts before the frame where a ends."""
+    return (take_a == take_b) & (OVERLAP_FRAMES < end_a - start_b < CLIP_FRAMES)
 
 
 class Seed(Cost):
@@ -330,20 +352,102 @@ class Seed(Cost):
     weight for dances that differ more from seed to seed.
     """
 
+    default_weight = 0.6
+    sentence = "A random preference, which another seed changes."
+
     def __init__(self, seed: int) -> None:
         self._seed = seed
 
+    @classmethod
+    def for_dance(cls, context: CostContext) -> Seed:
+        return cls(context.seed)
+
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
         part = np.where(layer.time_map_id >= 0, 2 * layer.time_map_id, 2 * layer.segment + 1)
-        of_part = random_numbers(part.astype(np.uint64), self._seed)
-        of_take = random_numbers(layer.take.astype(np.uint64), self._seed + 2**32) < 0.5
+        of_part = _random_numbers(part.astype(np.uint64), self._seed)
+        of_take = _random_numbers(layer.take.astype(np.uint64), self._seed + 2**32) < 0.5
         return 0.5 * (of_take + of_part)
 
 
+def _random_numbers(keys: NDArray[np.uint64], seed: int) -> NDArray[np.float64]:
+    """A number in [0, 1) for each key (N,), always the same for the same key and seed (SplitMix64)."""
+    mixed = keys + _offset_of(seed)
+    for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+        mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
+    return (mixed ^ (mixed >> np.uint64(31))) / 2.0**64
+
+
+@lru_cache(maxsize=64)
+def _offset_of(seed: int) -> np.uint64:
+    """The number that a seed adds to keys. To make a generator takes longer than to mix a layer's keys."""
+    offset: np.uint64 = np.random.default_rng(seed).integers(0, 2**63, dtype=np.uint64)
+    return offset
+
+
+class Stillness(Cost):
+    """Motion in the poses that are held before the first count and after the last (ours).
+
+    It is the mean joint speed in m/s, plus ten times the height of one foot over the other in metres. Raise
+    its weight if the dancer moves or stands on one foot in the held poses.
+    """
+
+    default_weight = 4.0
+    sentence = "The dancer moves, or stands on one foot, in a held pose."
+    unit = "m/s"
+
+    def __init__(self, poses: PoseBank) -> None:
+        self._poses = poses
+
+    @classmethod
+    def for_dance(cls, context: CostContext) -> Stillness:
+        return cls(context.poses)
+
+    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
+        first_s, last_s = held_times_s(song_features.opening_s, song_features.closing_s)
+        held_s = [first_s] if song_features.opening_s > 0 else []
+        held_s += [last_s] if song_features.closing_s < song_features.duration_s else []
+        here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
+        if not here:
+            return None
+        restless: AnyFloats = np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
+        return restless
+
+    def _restlessness(self, layer: Layer, at_s: float) -> AnyFloats:
+        frame = (at_s - layer.second) * NET_FPS
+        low = min(int(frame), NODE_FRAMES - 1)
+        slope = layer.source_frames[:, low + 1] - layer.source_frames[:, low]
+        pose_m, velocity_m_s = self._poses.poses_m(
+            layer.clip, layer.source_frames[:, low] + (frame - low) * slope
+        )
+        speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
+        lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
+        restlessness: AnyFloats = speed_m_s + 10.0 * lifted_m
+        return restlessness
+
+
+# The register. A new cost has one line here. Its place is that in sums, in tables and in plans.
+#
+# Their weights were chosen on dances to training songs, in five folds, since the paper gives no numbers.
+# Those of completeness, velocity and accents were chosen by the phase of motion beats within the count.
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
     Genre, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
-    Variety, Repeat,
+    Variety, Repeat, Seed, Stage, Stillness, FormCost, Signature, MotifTransition,
 )  # fmt: skip
+DEFAULT_WEIGHTS = {cost.name: cost.default_weight for cost in BUILTIN_COSTS}
+COST_GROUP = Group("choreograph.costs", tuple(DEFAULT_WEIGHTS))
+# Of the planner motion-graph, which leaves out the other built-in costs.
+_OF_WALK = (Transition, Seed, Stage, Stillness, FormCost, Signature, MotifTransition)
+
+
+def built_in(context: CostContext) -> list[Cost]:
+    """The built-in costs of a dance, in order."""
+    made = (kind.for_dance(context) for kind in BUILTIN_COSTS)
+    return [cost for cost in made if cost is not None]
+
+
+def cost_kinds() -> tuple[type[Cost], ...]:
+    """The classes of all built-in costs, then of those that other packages add."""
+    return (*BUILTIN_COSTS, *(type(cost) for cost in installed_costs(installed_names(COST_GROUP))))
 
 
 def installed_costs(weights: Collection[str], given: Iterable[Cost] = ()) -> tuple[Cost, ...]:
@@ -385,14 +489,18 @@ def own_costs(config: DanceConfig, costs: Sequence[Cost], engine: str) -> tuple[
             f"expected costs without of_path with the {engine} engine, got {of_path[0]!r}: use the graph "
             "engine"
         )
-    weights = resolve_weights(config.weights, names)
+    weights = resolve_weights(config.weights, every)
     return tuple(WeightedCost(cost, weights[cost.name]) for cost in every)
+
+
+def is_of_walk(cost: Cost) -> bool:
+    """Whether the planner motion-graph uses a cost. It uses those of the user."""
+    return type(cost) not in BUILTIN_COSTS or isinstance(cost, _OF_WALK)
 
 
 def check_weights_used(planner: str, weights: Mapping[str, float]) -> None:
     """Raise `ParameterError` for the weight of a cost that the planner leaves out."""
-    unused = {cost.name for cost in BUILTIN_COSTS} - {Transition.name}
-    given = sorted(unused & set(weights))
+    given = sorted({cost.name for cost in BUILTIN_COSTS if cost not in _OF_WALK} & set(weights))
     if planner == "motion-graph" and given:
         raise ParameterError(
             f"expected the planner exact or greedy with a weight of {given[0]!r}, got motion-graph, which "

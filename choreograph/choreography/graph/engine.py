@@ -14,13 +14,13 @@ from choreograph.choreography.constraints import Constraints, TakePin
 from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders, enforce_motifs
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.candidates import AllowedNodes, take_ranks
-from choreograph.choreography.graph.cost import Cost, WeightedCost
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Seed, installed_costs
+from choreograph.choreography.graph.cost import Cost, CostContext, WeightedCost, resolve_weights
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, built_in, installed_costs
 from choreograph.choreography.graph.layer_source import make_layers, song_grid
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, MotifTransition, Signature, Stillness
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy, plan_motion_graph
-from choreograph.choreography.graph.returns import FormCost, Returns, Stage
+from choreograph.choreography.graph.returns import Returns
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
@@ -37,8 +37,9 @@ from choreograph.plan.joins import take_motions, time_transitions
 from choreograph.plan.plan import Plan, PlannedSecond, PlannedWord
 from choreograph.plan.runs import Run, TransitionTiming, runs_of_seconds
 from choreograph.render.rendering import render_planned
-from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, resolve_weights, settings_of
+from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, settings_of
 
+_OF_MOTIFS = (Signature, MotifTransition)
 _COST_DECIMALS = 4  # of a cost in a plan. Further decimals differ between CPUs
 
 
@@ -135,19 +136,15 @@ def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]
 
     Raises `ParameterError` if two costs share a name, or a weight belongs to no cost.
     """
-    known: tuple[type[Cost], ...] = (*BUILTIN_COSTS, Seed, Stage, Stillness, FormCost, *MOTIF_COSTS)
-    names = [
-        *(cost.name for cost in known),
-        *(cost.name for cost in costs),
-        *(cost.name for cost in installed_costs(config.weights, costs)),
-    ]
+    every: list[Cost | type[Cost]] = [*BUILTIN_COSTS, *costs, *installed_costs(config.weights, costs)]
+    names = [cost.name for cost in every]
     if len(set(names)) != len(names):
         raise ParameterError(
             f"expected a different name for each cost, but two share one among {', '.join(names)}: give "
             "yours its own `name`"
         )
     given = {"front": 0.0, **config.weights} if config.front == "free" else config.weights
-    return resolve_weights(given, names)
+    return resolve_weights(given, every)
 
 
 def with_transitions_on_counts(plan: Plan, request: DanceRequest) -> Plan:
@@ -190,11 +187,11 @@ def _goals(request: DanceRequest) -> tuple[Sequence[SectionGoal], tuple[str, ...
     weights = cost_weights(config, request.costs)
     goals: Sequence[SectionGoal] = ()
     notes: tuple[str, ...] = ()
-    steered = any(weights[cost.name] for cost in MOTIF_COSTS) and config.planner != "motion-graph"
+    steered = any(weights[cost.name] for cost in _OF_MOTIFS) and config.planner != "motion-graph"
     decided = all(goal.requested or goal.genre not in (None, ALL_GENRES) for goal in material.goals)
     if material.is_requested or (steered and decided):
         goals, notes = material.goals, material.notes
-    given = [cost.name for cost in MOTIF_COSTS if config.weights.get(cost.name)]
+    given = [cost.name for cost in _OF_MOTIFS if config.weights.get(cost.name)]
     if given and not goals:
         raise ParameterError(
             "expected a genre or signature of the repertoire, and the planner exact or greedy, with a "
@@ -203,8 +200,8 @@ def _goals(request: DanceRequest) -> tuple[Sequence[SectionGoal], tuple[str, ...
     return goals, notes
 
 
-def _form_costs(request: DanceRequest) -> list[Cost]:
-    """The cost of phrases that return, or none if no phrase returns.
+def _returns(request: DanceRequest) -> Returns | None:
+    """The phrases that return, or None if none does.
 
     Nothing is planned in held poses and in parts that are kept of another dance. There, nothing returns.
     """
@@ -215,25 +212,21 @@ def _form_costs(request: DanceRequest) -> list[Cost]:
         return opening_s <= at_s <= closing_s and not (kept and kept.keeps(at_s, at_s))
 
     if grid is None:
-        return []
+        return None
     returns = Returns.of(request.song_features.form, grid, is_planned)
-    return [FormCost(returns)] if len(returns.seconds) else []
+    return returns if len(returns.seconds) else None
 
 
 def _search_path(request: DanceRequest, goals: Sequence[SectionGoal]) -> tuple[Path, dict[str, float]]:
     """The path of the planner, and the weights of its costs."""
     features, config = request.song_features, request.config
-    costs: list[Cost] = [*(cost() for cost in BUILTIN_COSTS), *request.costs]
+    context = CostContext(
+        seed=config.seed, stage_m=as_stage_m(config.stage), poses=request.repertoire.clip_motion,
+        returns=_returns(request), goals=[(part.first_second, part.goal) for part in goals],
+        song_features=features,
+    )  # fmt: skip
     installed = installed_costs(config.weights, request.costs)
-    costs += installed
-    costs.append(Seed(config.seed))
-    size_m = as_stage_m(config.stage)
-    costs += [Stage(size_m)] if size_m else []
-    costs.append(Stillness(request.repertoire.clip_motion))
-    costs += _form_costs(request)
-    if goals:
-        parts = [(part.first_second, part.goal) for part in goals]
-        costs += [Signature(parts, features), MotifTransition(parts, features)]
+    costs = [*built_in(context), *request.costs, *installed]
     known = cost_weights(config, request.costs)
     weights = {cost.name: known[cost.name] for cost in costs}
     weighted = [WeightedCost(cost, weights[cost.name]) for cost in costs]

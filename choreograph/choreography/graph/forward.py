@@ -10,40 +10,20 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import (
-    Cost,
-    WeightedCost,
-    edge_costs,
-    flat_poses,
-    rms_speed_m_s,
-)
-from choreograph.choreography.graph.costs import (
-    BUILTIN_COSTS,
-    Completeness,
-    Front,
-    Phrasing,
-    Repeat,
-    Transition,
-    Variety,
-    Velocity,
-)
-from choreograph.choreography.graph.edge_kernels import (
-    F32,
+from choreograph.choreography.graph.cost import Cost, WeightedCost, edge_costs
+from choreograph.choreography.graph.costs import BUILTIN_COSTS, F32, Completeness, flat_poses, rms_speed_m_s
+from choreograph.choreography.graph.kernels import (
+    COMPILED,
     angles_of,
+    arrays_of,
+    bounds_of,
     cheapest_edges,
     cheapest_predecessors,
     fixed_edges,
 )
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.graph.motif_costs import (
-    MOTIF_COSTS,
-    MotifTransition,
-    Signature,
-    first_motif,
-    last_motif,
-)
-from choreograph.choreography.graph.path_kernels import arrays_of, bounds_of
-from choreograph.choreography.graph.returns import FormCost, Stage
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature, first_motif, last_motif
+from choreograph.choreography.graph.path_costs import FormCost
 from choreograph.core.numerics import AnyInts, Floats, frame_blocks
 from choreograph.music.song_features import SongFeatures
 
@@ -65,8 +45,8 @@ class Steps:
         self._with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
         kinds = [type(w.cost) for w in self._with_edges]
         # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
-        self._thread_safe = set(kinds) <= {*BUILTIN_COSTS, *MOTIF_COSTS, FormCost, Stage}
-        self._compiled = set(kinds) <= set(_ORDER) and kinds == [kind for kind in _ORDER if kind in kinds]
+        self._thread_safe = set(kinds) <= set(BUILTIN_COSTS)
+        self._compiled = kinds == [kind for kind in COMPILED if kind in kinds]
         self._of = {type(w.cost): w for w in self._with_edges}
         self._edges: _Edges | None = None  # the latest
 
@@ -191,12 +171,6 @@ class _Edges:
 
 # The same edges, compiled for the built-in costs.
 
-_ORDER: tuple[type[Cost], ...] = (
-    Completeness, Transition, Velocity, Phrasing, Front, Variety, Repeat, FormCost, Signature,
-    MotifTransition,
-)  # in the order of their sum  # fmt: skip
-_OF_SIGNATURE = _ORDER.index(Signature)
-
 
 class _Nodes:
     """What the compiled edges read of the nodes of one second."""
@@ -213,7 +187,7 @@ class _Nodes:
         self.transition_cost = np.zeros((1, 1), np.float32)
         if transition is not None:
             self.transition_cost = np.ascontiguousarray(transition.costs_at(layer))
-        self.weights = np.array([of[kind].weight if kind in of else 0.0 for kind in _ORDER], np.float32)
+        self.weights = np.array([of[kind].weight if kind in of else 0.0 for kind in COMPILED], np.float32)
         self.first, first_sq = flat_poses(layer.first_pose_m)
         self.last, last_sq = flat_poses(layer.last_pose_m)
         self.first_velocity, first_velocity_sq = flat_poses(layer.first_velocity_m_s)
@@ -257,7 +231,8 @@ class _CompiledEdges(_Edges):
         counts = np.ascontiguousarray(layer.motif_counts)
         seen = np.zeros_like(counts) if following.new_goal else counts
         weights = after.weights
-        repeats, self._least = bounds_of(weights, weights[_OF_SIGNATURE], seen, after.motifs, after.step_cost)
+        of_signature = weights[COMPILED.index(Signature)]
+        earlier, self._least = bounds_of(weights, of_signature, seen, after.motifs, after.step_cost)
         angles = angles_of(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
         danced = np.ascontiguousarray(layer.danced[:, after.number])
         self._stay = np.ones(following.n_nodes, np.float32)
@@ -266,7 +241,7 @@ class _CompiledEdges(_Edges):
         usage_s = np.ascontiguousarray(layer.take_usage_s)
         self._history = (*angles[:4], before.next_part, usage_s, danced, seen, *before.at_end, before.take)
         self._ends = (
-            *angles[4:], after.part, after.take, after.series, after.places, after.motifs, repeats,
+            *angles[4:], after.part, after.take, after.series, after.places, after.motifs, earlier,
             self._least, self._stay, *after.at_start,
         )  # fmt: skip
         self._of_costs = (

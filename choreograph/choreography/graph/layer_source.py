@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.graph.candidates import FIRST, AllowedNodes, candidate_clips
 from choreograph.choreography.graph.cost import WeightedCost
-from choreograph.choreography.graph.motif_costs import MOTIF_COSTS, node_motifs, song_words_s
-from choreograph.choreography.graph.returns import WALK_AT, FormCost, Returns
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature, node_motifs, song_words_s
+from choreograph.choreography.graph.path_costs import WALK_AT, FormCost
+from choreograph.choreography.graph.returns import Returns
 from choreograph.choreography.graph.segments import ClipTable, LayerSource
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
@@ -73,7 +74,8 @@ def make_layers(
         report=substage(request.report, "warping"), memory=request.memory.of("segments", config.density),
     )  # fmt: skip
     motifs, n_motifs = None, 0
-    if any(isinstance(w.cost, (AllowedNodes, *MOTIF_COSTS)) for w in costs) and repertoire.has_vocabulary:
+    of_motifs = AllowedNodes | Signature | MotifTransition
+    if any(isinstance(w.cost, of_motifs) for w in costs) and repertoire.has_vocabulary:
         words_s = song_words_s(features)
 
         def labelled() -> NDArray[np.int16]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import WeightedCost, edge_costs, weighted_terms
+from choreograph.choreography.graph.kernels import COMPILED_OF_PATH, NO_NODE, OF_NODES, arrays_of, extended
 from choreograph.choreography.graph.layers import (
     MIDDLE,
     USAGE_DECAY_S,
@@ -24,8 +25,7 @@ from choreograph.choreography.graph.layers import (
     repeated,
 )
 from choreograph.choreography.graph.motif_costs import Signature
-from choreograph.choreography.graph.path_kernels import COMPILED, NO_NODE, OF_NODES, arrays_of, extended
-from choreograph.choreography.graph.returns import FormCost
+from choreograph.choreography.graph.path_costs import FormCost
 from choreograph.core.numerics import AnyInts
 from choreograph.music.song_features import SongFeatures
 
@@ -288,7 +288,7 @@ class _Rest:
 def is_compiled(of_path: Sequence[WeightedCost]) -> bool:
     """Whether the search with these costs that depend on the path is compiled."""
     kinds = [type(weighted.cost) for weighted in of_path]
-    return len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED)
+    return len(set(kinds)) == len(kinds) and set(kinds) <= set(COMPILED_OF_PATH)
 
 
 def _with_few_columns(
@@ -340,11 +340,11 @@ class _CompiledNodes(CheapNodes):
     @cached_property
     def _weights(self) -> NDArray[np.float32]:
         of = {type(weighted.cost): weighted.weight for weighted in self.of_path}
-        return np.array([of.get(kind, 0.0) for kind in COMPILED], np.float32)
+        return np.array([of.get(kind, 0.0) for kind in COMPILED_OF_PATH], np.float32)
 
     @cached_property
     def _arrays(self) -> list[tuple[Any, ...]]:
-        """What `path_kernels.extended` reads of the nodes of every second."""
+        """What `kernels.extended` reads of the nodes of every second."""
         of = {type(weighted.cost): weighted.cost for weighted in self.of_path}
         form, signature = cast(FormCost | None, of.get(FormCost)), cast(Signature | None, of.get(Signature))
         return [arrays_of(layer, form, signature, self.song_features) for layer in self.layers]

@@ -1,24 +1,23 @@
-"""Costs of motifs and of the held poses."""
+"""The motifs of nodes, and costs of motifs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from copy import copy
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import Cost
-from choreograph.choreography.graph.layers import Layer, PoseBank
+from choreograph.choreography.graph.cost import Cost, CostContext, Goals
+from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.segments import ClipTable
 from choreograph.choreography.graph.warped_segments import Segments
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
-from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
+from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.library.words import dance_bounds_s
-from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.danced_span import held_times_s
 from choreograph.music.song_features import SongFeatures
 
 # The motifs of each node.
@@ -87,9 +86,6 @@ def _source_frames(maps: NDArray[np.floating], times_s: AnyFloats) -> NDArray[np
 _MIN_PROBABILITY = 1e-3  # transitions that never occur cost as much as those that occur once in a thousand
 
 
-Goals = Sequence[tuple[int, MotifGoal]]  # (first second, goal) of each part of the song, in order
-
-
 class Signature(Cost):
     """χ² distance of the signature of each part of the dance to its goal's (Rhythm is a Dancer, equation 11).
 
@@ -102,8 +98,15 @@ class Signature(Cost):
     shares are nearer to those of the goal.
     """
 
+    default_weight = 3.0
+    sentence = "The motifs differ from those that were asked for."
+    is_compiled = True
     of_path = True
     min_path_cost = 0.0
+
+    @classmethod
+    def for_dance(cls, context: CostContext) -> Signature | None:
+        return cls(context.goals, context.song_features) if context.goals else None
 
     def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
         self._part = _part_at(goals, song_features)
@@ -153,35 +156,42 @@ class Signature(Cost):
 def _motif_count_costs(
     step_cost: NDArray[np.float32], counts: NDArray[np.integer], motifs: NDArray[np.integer]
 ) -> NDArray[np.float32]:  # pragma: no cover - compiled
-    """Sum over a node's motifs of step_cost[motif, times danced before], (P, N) float32.
+    """The `words_cost` of all edges, (P, N) float32.
 
-    step_cost is (K, C) float32. counts (P, K) are those along the path to each predecessor. motifs (N, W)
-    are padded with -1.
+    `step_cost` is (K, C). `counts` (P, K) are those along the path to each predecessor. `motifs` (N, W) are
+    padded with -1.
     """
-    n_a, n_b, width = len(counts), len(motifs), motifs.shape[1]
-    n_motifs, n_counts = step_cost.shape
-    repeats = np.zeros((n_b, width), np.int64)  # number of earlier words of the node with the same motif
-    for j in range(n_b):
+    n_a, n_b = len(counts), len(motifs)
+    repeats, total = repeats_of(motifs), np.zeros((n_a, n_b), np.float32)
+    for i in range(n_a):
+        for j in range(n_b):
+            total[i, j] = words_cost(i, j, counts, motifs, repeats, step_cost)
+    return total
+
+
+@njit()
+def repeats_of(motifs: Any) -> Any:  # pragma: no cover - compiled
+    """How many earlier words of the same node (N, W) have the same motif as each word."""
+    n_nodes, width = motifs.shape
+    repeats = np.zeros((n_nodes, width), np.int64)
+    for j in range(n_nodes):
         for w in range(width):
             for v in range(w):
                 repeats[j, w] += motifs[j, v] == motifs[j, w]
-    next_cost = np.empty(n_motifs, np.float32)
-    total = np.zeros((n_a, n_b), np.float32)
-    for i in range(n_a):
-        for k in range(n_motifs):
-            next_cost[k] = step_cost[k, min(counts[i, k], n_counts - 1)]
-        for j in range(n_b):
-            cost = np.float32(0.0)
-            for w in range(width):
-                motif = motifs[j, w]
-                if motif < 0:
-                    break
-                if repeats[j, w] == 0:
-                    cost += next_cost[motif]
-                else:
-                    cost += step_cost[motif, min(counts[i, motif] + repeats[j, w], n_counts - 1)]
-            total[i, j] = cost
-    return total
+    return repeats
+
+
+@njit(inline="always")
+def words_cost(
+    i: int, j: int, counts: Any, motifs: Any, repeats: Any, step_cost: Any
+) -> Any:  # pragma: no cover - compiled
+    """The formula of `Signature`: the sum over a node's motifs of step_cost[motif, times danced before]."""
+    words, most = np.float32(0.0), step_cost.shape[1] - 1
+    for w in range(motifs.shape[1]):
+        if motifs[j, w] < 0:
+            break
+        words += step_cost[motifs[j, w], min(counts[i, motifs[j, w]] + repeats[j, w], most)]
+    return words
 
 
 def _signature_steps(goal: MotifGoal, n_words: int, n_seconds: int) -> NDArray[np.float32]:
@@ -208,8 +218,15 @@ class MotifTransition(Cost):
     other as in the takes.
     """
 
+    default_weight = 0.3
+    sentence = "These motifs rarely follow each other in the takes."
+    is_compiled = True
     name = "motif_transition"
     min_jump_cost = 0.0
+
+    @classmethod
+    def for_dance(cls, context: CostContext) -> MotifTransition | None:
+        return cls(context.goals, context.song_features) if context.goals else None
 
     def __init__(self, goals: Goals, song_features: SongFeatures) -> None:
         self._part = _part_at(goals, song_features)
@@ -248,9 +265,6 @@ def _part_at(goals: Goals, song_features: SongFeatures) -> NDArray[np.int64]:
     return np.searchsorted(firsts, np.arange(song_features.n_seconds), "right") - 1
 
 
-MOTIF_COSTS: tuple[type[Cost], ...] = (Signature, MotifTransition)
-
-
 def song_words_s(song_features: SongFeatures) -> NDArray[np.float64]:
     """Times (Q + 1,) at which the words of a dance to the song begin and end."""
     return dance_bounds_s(song_features.beat_times_s, song_features.duration_s)
@@ -273,39 +287,3 @@ def last_motif(layer: Layer) -> NDArray[np.integer]:
     n_words = (layer.motifs != NO_MOTIF).sum(axis=1)
     last = layer.motifs[np.arange(layer.n_nodes), n_words - 1] if layer.motifs.shape[1] else NO_MOTIF
     return np.where(n_words > 0, last, NO_MOTIF)
-
-
-_ANKLES = tuple(BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right"))
-
-
-class Stillness(Cost):
-    """Motion in the poses that are held before the first count and after the last (ours).
-
-    It is the mean joint speed in m/s, plus ten times the height of one foot over the other in metres. Raise
-    its weight if the dancer moves or stands on one foot in the held poses.
-    """
-
-    def __init__(self, poses: PoseBank) -> None:
-        self._poses = poses
-
-    def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        first_s, last_s = held_times_s(song_features.opening_s, song_features.closing_s)
-        held_s = [first_s] if song_features.opening_s > 0 else []
-        held_s += [last_s] if song_features.closing_s < song_features.duration_s else []
-        here = [at_s for at_s in held_s if layer.second <= at_s < layer.second + 1]
-        if not here:
-            return None
-        restless: AnyFloats = np.sum([self._restlessness(layer, at_s) for at_s in here], axis=0)
-        return restless
-
-    def _restlessness(self, layer: Layer, at_s: float) -> AnyFloats:
-        frame = (at_s - layer.second) * NET_FPS
-        low = min(int(frame), NODE_FRAMES - 1)
-        slope = layer.source_frames[:, low + 1] - layer.source_frames[:, low]
-        pose_m, velocity_m_s = self._poses.poses_m(
-            layer.clip, layer.source_frames[:, low] + (frame - low) * slope
-        )
-        speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
-        lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)
-        restlessness: AnyFloats = speed_m_s + 10.0 * lifted_m
-        return restlessness

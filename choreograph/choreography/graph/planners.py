@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from choreograph.choreography.graph.cheap_nodes import CheapSoFar
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs, weighted_terms
-from choreograph.choreography.graph.costs import BUILTIN_COSTS, Transition
+from choreograph.choreography.graph.costs import Transition, is_of_walk
 from choreograph.choreography.graph.forward import N_THREADS, Steps
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import with_history
@@ -251,7 +251,7 @@ def plan_motion_graph(
     n_seconds = source.n_seconds
     allowed_clips = _largest_component(source, song_features, part(report, 0, n_seconds, 2 * n_seconds))
     transition = [w for w in costs if w.cost.name == Transition.name]
-    custom = [w for w in costs if type(w.cost) not in BUILTIN_COSTS]
+    others = [w for w in costs if w.cost.name != Transition.name and is_of_walk(w.cost)]
     nodes: list[Layer] = []
     terms: list[dict[str, float]] = []
     for second in range(n_seconds):
@@ -260,12 +260,12 @@ def plan_motion_graph(
         inside = first & np.isin(layer.clip, allowed_clips)
         layer = layer.subset(inside if inside.any() else first)
         total, smoothness = np.zeros((2, layer.n_nodes))
-        for w in custom:
+        for w in others:
             value = w.cost.node(layer, song_features)
             total += 0.0 if value is None else w.weight * np.asarray(value)
         if nodes:
             smoothness = _edges(transition, nodes[-1], layer, song_features)
-            total += _edges(custom, nodes[-1], layer, song_features)
+            total += _edges(others, nodes[-1], layer, song_features)
         if not np.isfinite(total + smoothness).any():
             raise NoPathError(f"every node of second {second} is forbidden: relax a cost that returns inf")
         best = int(np.argmin(total + smoothness))

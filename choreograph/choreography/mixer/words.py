@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.cost import turned_costs
+from choreograph.choreography.graph.costs import Transition
 from choreograph.choreography.graph.layers import facing, joined_rad, rotated
-from choreograph.choreography.graph.returns import beyond_stage_m
+from choreograph.choreography.graph.path_costs import beyond_stage_m, turned_costs
 from choreograph.choreography.motif_sequences import words_on_count
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import bar_positions
@@ -25,7 +25,6 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
 from choreograph.plan.joins import MAX_STEER_RAD, stage_half_m
 from choreograph.plan.plan import PlannedWord
-from choreograph.settings import DEFAULT_WEIGHTS
 
 # The features of words that the mixer compares: poses at their borders, and their motif margin.
 
@@ -131,7 +130,7 @@ _SAFE_MARGIN_M = 0.04  # least motif margin without a cost, since transitions ch
 _SPEED_COST_M = 0.1  # of twice or half its speed
 _OTHER_COUNT_M = 0.5  # of a word that begins on another count than the music
 _TIE_BREAK_M = 0.02  # largest random cost, by the seed
-_M_PER_COST = 1.0 / DEFAULT_WEIGHTS["transition"]  # joint distance that has a cost of 1 in the graph engine
+_M_PER_COST = 1.0 / Transition.default_weight  # joint distance that has a cost of 1 in the graph engine
 
 
 @dataclass(frozen=True, eq=False)

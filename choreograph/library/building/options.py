@@ -143,7 +143,7 @@ class BuildOptions:
     bones."""
 
     method: str = "ours"
-    """The method that the file states. `choreograph.settings.published_build` sets "published"."""
+    """The method that the file states. `choreograph.pipeline.published.published_build` sets "published"."""
 
     __repr__ = one_line
 

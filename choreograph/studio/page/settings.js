@@ -68,7 +68,7 @@ export class Settings {
       seed.addEventListener("change", () => this.#change({ seed: Math.max(0, Math.round(Number(seed.value))) }));
       rows.push(createElement("label", "row", [createElement("span", "", ["Seed"]), seed]));
     }
-    const dynamics = { name: "dynamics", default: 1, low: 0, high: 1, sentence: "How much the size of the dance follows the loudness of the music." };
+    const dynamics = { name: "dynamics", label: "dynamics", default: 1, low: 0, high: 1, sentence: "How much the size of the dance follows the loudness of the music." };
     if ("dynamics" in settings) rows.push(this.#slider(dynamics, (value) => ({ dynamics: value })));
     const weights = (choices.weights ?? []).map((weight) => this.#slider(weight, (value) => ({ weights: { [weight.name]: value } })));
     this.box.replaceChildren(...rows);
@@ -78,12 +78,12 @@ export class Settings {
     );
   }
 
-  #slider({ name, default: preset, sentence, low = 0, high }, changesOf) {
+  #slider({ name, label: title, default: preset, sentence, low, high }, changesOf) {
     const input = createElement("input");
-    Object.assign(input, { type: "range", min: low, max: high ?? Math.max(4, 3 * preset), step: "any", value: preset });
+    Object.assign(input, { type: "range", min: low, max: high, step: "any", value: preset });
     Object.assign(input.dataset, { weight: name, preset });
     const value = createElement("output");
-    const label = createElement("label", "weight", [createElement("span", "name", [name.replaceAll("_", " ")]), value, input]);
+    const label = createElement("label", "weight", [createElement("span", "name", [title]), value, input]);
     input.id = `slider-${name}`;
     label.htmlFor = input.id; // otherwise it would be the label of its first element, the value
     if (sentence) {

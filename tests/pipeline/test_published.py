@@ -17,8 +17,8 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph import settings as published
 from choreograph.choreography.graph import layer_source, warped_segments
+from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import dance_variant
 from choreograph.formats.register import import_takes, save_motion
@@ -29,10 +29,10 @@ from choreograph.motion.body import clips_to_root_frame
 from choreograph.music.song_features import motion_density
 from choreograph.nets.configs import DensityConfig, StyleConfig
 from choreograph.nets.density import MotionDensity
+from choreograph.pipeline import published
 from choreograph.plan.joins import take_motions
 from choreograph.plan.runs import plan_runs
 from choreograph.render.assembly import assemble
-from choreograph.settings import DEFAULT_WEIGHTS
 from research.swapped_net import ablated_nets
 from research.train_rollout_ablations import train
 from research.variants import VARIANTS, variants_named
