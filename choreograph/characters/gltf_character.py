@@ -33,14 +33,6 @@ _MOST_POINTS = 5000  # of a skin, of which the thickness is measured
 class GltfCharacter:
     """A character with one skeleton, as `read_character` returns it.
 
-    Parameters
-    ----------
-    document : GltfDocument    the file
-    rig : Rig                  its B bones
-    nodes : tuple of int (B,)  the nodes of the bones in the document
-    bones : dict of int        bone by canonical joint, such as "left_knee"
-    skin : SkinPoints          the points of its skin in the bind pose
-
     Examples
     --------
     >>> motion, _ = cg.starter_repertoire().motion(0, start_s=0.0, stop_s=2.0)
@@ -54,10 +46,19 @@ class GltfCharacter:
     """
 
     document: GltfDocument
+    """The file."""
+
     rig: Rig
-    nodes: tuple[int, ...]  # (B,) of the document
-    bones: dict[str, int]  # canonical name -> bone
+    """Its skeleton, of B bones."""
+
+    nodes: tuple[int, ...]
+    """(B,) index of each bone's node in the document."""
+
+    bones: dict[str, int]
+    """Bone by canonical joint, such as "left_knee"."""
+
     skin: SkinPoints
+    """The points of its skin in the bind pose."""
 
     __repr__ = one_line
 

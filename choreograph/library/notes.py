@@ -115,20 +115,19 @@ KINDS: dict[str, NoteKind] = {
 class Note:
     """One thing that was unusual in a build.
 
-    Parameters
-    ----------
-    kind : a key of `choreograph.library.notes.KINDS`
-    subject : name of the take, song or file that the note is about, or "" for the whole build
-    values : numbers and texts of its sentence, by name
-
     Raises
     ------
     ParameterError   if the kind is unknown or has other values
     """
 
     kind: str
+    """A key of `choreograph.library.notes.KINDS`."""
+
     subject: str = ""
+    """Name of the take, song or file that the note is about, or "" for the whole build."""
+
     values: Mapping[str, Value] = field(default_factory=dict)
+    """Numbers and texts of its sentence, by name."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -33,33 +33,74 @@ TOUCH_S = 1e-3  # largest distance between words without a gap
 class PlannedSecond:
     """One node of the dance."""
 
-    second: int  # of the dance, from 0
-    take: str  # name of the take that is danced
-    clip: int  # index in the repertoire
-    clip_start_s: float  # in the take
-    segment_second: int  # the second at which its warped segment was inserted into the graph
-    offset: int  # 0 … 3, quarter of that segment
-    source_times_s: tuple[float, ...]  # 21 times of the take, at the 20 fps frames and the second's end
-    start_s: float  # when it replaces another take, near `second`, or `second` within a take
-    transition_s: float  # length of that transition, to each side if inertial, in all if linear
-    costs: dict[str, float]  # name -> weighted cost, of the node and of the edge into it
-    credits: Credits  # of the take
+    second: int
+    """Second of the dance, from 0 on."""
+
+    take: str
+    """Name of the take that is danced."""
+
+    clip: int
+    """Index of the clip in the repertoire."""
+
+    clip_start_s: float
+    """Where the clip begins in the take, in seconds."""
+
+    segment_second: int
+    """The second at which the warped segment of this node entered the graph."""
+
+    offset: int
+    """Which quarter of that segment it is, 0 to 3."""
+
+    source_times_s: tuple[float, ...]
+    """21 times of the take in seconds: of the 20 frames of the second at 20 fps, and of its end."""
+
+    start_s: float
+    """When it replaces another take, in seconds of the dance, near `second`. Within a take, it is
+    `second`."""
+
+    transition_s: float
+    """Length of that transition in seconds: to each side if inertial, in all if linear."""
+
+    costs: dict[str, float]
+    """Weighted costs of the node and of the edge that leads to it, by name."""
+
+    credits: Credits
+    """Credits of the take."""
 
 
 @dataclass(frozen=True)
 class PlannedWord:
     """One motion word of the dance, from beat to beat, at constant speed."""
 
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    motif: int  # the planned motif, or 0 where it is not known
-    take: str  # empty if a network dances it, or if it is kept from another dance
-    source_start_s: float  # in the take
-    source_end_s: float  # in the take. In an edit, it may be the start, and the pose is then held
-    credits: Credits  # of the take
-    pinned: bool = False  # must keep its motif: transitions change its neighbours, not it
-    kept: str = ""  # the motion file that this is a part of, if it is one. Source times are then of this file
-    mirrored: bool = False  # danced with left and right exchanged
+    start_s: float
+    """When it begins, in seconds of the dance."""
+
+    end_s: float
+    """When it ends, in seconds of the dance."""
+
+    motif: int
+    """Index of the planned motif, or 0 where it is not known."""
+
+    take: str
+    """Name of the take, or empty if a network dances it or it is kept from another dance."""
+
+    source_start_s: float
+    """Where it begins in the take, in seconds."""
+
+    source_end_s: float
+    """Where it ends in the take, in seconds. In an edit, it may be the start, and the pose is then held."""
+
+    credits: Credits
+    """Credits of the take."""
+
+    pinned: bool = False
+    """Whether it must keep its motif. Transitions then change its neighbours only."""
+
+    kept: str = ""
+    """The motion file that it is a part of, or empty. Source times are then times of this file."""
+
+    mirrored: bool = False
+    """Whether left and right are exchanged."""
 
     @property
     def is_held(self) -> bool:
@@ -75,10 +116,17 @@ class PlannedEdit:
     lead from and to the dance around it.
     """
 
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    request: str  # what was asked for, such as "swap 8-12"
-    words: tuple[PlannedWord, ...]  # from the start to the end, without a gap
+    start_s: float
+    """When it begins, in seconds of the dance."""
+
+    end_s: float
+    """When it ends, in seconds of the dance."""
+
+    request: str
+    """What was asked for, such as "swap 8-12"."""
+
+    words: tuple[PlannedWord, ...]
+    """What is danced from the start to the end, without a gap."""
 
 
 @dataclass(frozen=True)
@@ -329,30 +377,77 @@ class Plan:
     True
     """
 
-    song: str  # name of the song
-    duration_s: float  # length of the dance
-    start_s: float  # of the danced part in the song file
-    repertoire: str  # name of the file of the repertoire
-    planner: str  # as in `DanceConfig`, as are blending, seed, fps and weights
+    song: str
+    """Name of the song."""
+
+    duration_s: float
+    """Length of the dance in seconds."""
+
+    start_s: float
+    """Where the danced part begins in the song file, in seconds."""
+
+    repertoire: str
+    """Name of the file of the repertoire."""
+
+    planner: str
+    """The planner, as in `DanceConfig`."""
+
     blending: str
+    """How takes are joined, as in `DanceConfig`."""
+
     seed: int
+    """The seed, as in `DanceConfig`."""
+
     fps: float
-    weights: dict[str, float]  # of the costs by name
-    music_beats_s: tuple[float, ...]  # beats of the song, in seconds of the dance
-    seconds: tuple[PlannedSecond, ...]  # one for each second, or empty for engines that plan words
-    engine: str = "graph"  # name of the engine that made the plan
-    words: tuple[PlannedWord, ...] = ()  # in order of time
-    music_beat_numbers: tuple[int, ...] = ()  # in the bar, 1 on the downbeat, or none if bars are not known
-    metre: int = 0  # beats in a bar, or 0 if bars are not known
-    opening_s: float = 0.0  # time of the first count. Shortly before it, the dance leaves its first pose
-    closing_s: float | None = None  # time from which the last pose is held, or None to dance to the end
-    lock_feet: bool = True  # hold planted feet in place when it is rendered
-    stage: str = "near"  # on which rotations at transitions keep the dancer, as in `DanceConfig`
-    least_cost: float | None = None  # lower bound of the total cost of all paths, if it was asked for
-    amplitudes: tuple[float, ...] = ()  # of each second, 1 for the size of the takes, or none if all are 1
-    stops_s: tuple[tuple[float, float], ...] = ()  # from when it stands still, until when it moves again
-    front: str = "audience"  # to which rotations at transitions bring the dancer back, or "free" for none
-    edits: tuple[PlannedEdit, ...] = ()  # changes of parts of the dance, each after those before it
+    """Frames per second of the dance."""
+
+    weights: dict[str, float]
+    """Weights of the costs by name."""
+
+    music_beats_s: tuple[float, ...]
+    """Beats of the song, in seconds of the dance."""
+
+    seconds: tuple[PlannedSecond, ...]
+    """One entry for each second of the dance, or none for engines that plan words."""
+
+    engine: str = "graph"
+    """Name of the engine that made the plan."""
+
+    words: tuple[PlannedWord, ...] = ()
+    """Motion words in order of time."""
+
+    music_beat_numbers: tuple[int, ...] = ()
+    """Number of each beat in its bar, 1 on the downbeat, or none if bars are not known."""
+
+    metre: int = 0
+    """Beats in a bar, or 0 if bars are not known."""
+
+    opening_s: float = 0.0
+    """Time of the first count, in seconds. Shortly before it, the dance leaves its first pose."""
+
+    closing_s: float | None = None
+    """Time from which the last pose is held, in seconds, or None to dance to the end."""
+
+    lock_feet: bool = True
+    """Whether feet that touch the floor are kept in place."""
+
+    stage: str = "near"
+    """The stage on which rotations at transitions keep the dancer, as in `DanceConfig`."""
+
+    least_cost: float | None = None
+    """Lower bound of the total cost of all paths, if it was asked for."""
+
+    amplitudes: tuple[float, ...] = ()
+    """Size of the dance in each second, 1 for the size of the takes, or none if all are 1."""
+
+    stops_s: tuple[tuple[float, float], ...] = ()
+    """From when the dance stands still to when it moves again, in seconds."""
+
+    front: str = "audience"
+    """Where rotations at transitions bring the dancer back to, "audience", or "free" for none."""
+
+    edits: tuple[PlannedEdit, ...] = ()
+    """Changes of parts of the dance, each after those before it."""
 
     def __repr__(self) -> str:
         kinds = ((self.seconds, "second"), (self.words, "word"), (self.edits, "edit"))

@@ -37,35 +37,66 @@ _TOUCH_S = 1e-3  # parts of a dancer that are no further apart follow one anothe
 class DancerPart:
     """What a dancer does in a span of the song: one of the dances, from there on or some counts behind."""
 
-    start_s: float  # in the scene
-    end_s: float  # of the span
-    dance: int  # index of the dance in the scene
-    delay_counts: int = 0  # counts by which the dancer is behind the dance
-    mirrored: bool = False  # left and right are exchanged
-    size: float = 1.0  # of the movement, 1 for that of the dance
-    held: bool = False  # the pose at the start is held
+    start_s: float
+    """When it begins, in seconds of the scene."""
+
+    end_s: float
+    """When it ends, in seconds of the scene."""
+
+    dance: int
+    """Index of the dance in the scene."""
+
+    delay_counts: int = 0
+    """Counts by which the dancer is behind the dance."""
+
+    mirrored: bool = False
+    """Whether left and right are exchanged."""
+
+    size: float = 1.0
+    """Size of the movement, 1 for that of the dance."""
+
+    held: bool = False
+    """Whether the pose at the start is held."""
 
 
 @dataclass(frozen=True)
 class PlannedDancer:
     """One dancer of a scene: the parts that are danced, and the places on the stage."""
 
-    name: str  # unique in the scene
-    height: float  # of the body, relative to that of the repertoire
-    parts: tuple[DancerPart, ...]  # in order of time, without a gap
-    times_s: tuple[float, ...]  # at which the dancer is to be at a place
-    x_m: tuple[float, ...]  # of the places, to the side: +X is the dancers' left
-    z_m: tuple[float, ...]  # of the places, towards the audience
+    name: str
+    """Its name, unique in the scene."""
+
+    height: float
+    """Height of the body, relative to that of the repertoire."""
+
+    parts: tuple[DancerPart, ...]
+    """What is danced, in order of time, without a gap."""
+
+    times_s: tuple[float, ...]
+    """(P,) times in seconds at which the dancer is to be at a place."""
+
+    x_m: tuple[float, ...]
+    """(P,) places to the side in metres. +X is the dancers' left."""
+
+    z_m: tuple[float, ...]
+    """(P,) places towards the audience in metres."""
 
 
 @dataclass(frozen=True)
 class PlannedRequest:
     """How a dance that a network generates is made again to its song."""
 
-    dance: int  # index of the dance in the scene
-    genre: str | None  # that was asked for
-    bans: tuple[str, ...]  # as on the command line, such as "motif:12"
-    settings: Mapping[str, Any]  # fields of `DanceConfig` other than the defaults, as JSON
+    dance: int
+    """Index of the dance in the scene."""
+
+    genre: str | None
+    """The genre that was asked for, or None."""
+
+    bans: tuple[str, ...]
+    """What was excluded, as on the command line, such as "motif:12"."""
+
+    settings: Mapping[str, Any]
+    """Fields of `DanceConfig` other than the defaults, as JSON."""
 
     @classmethod
     def of(cls, dance: int, genre: str | None, bans: Sequence[str], config: DanceConfig) -> PlannedRequest:
@@ -104,9 +135,14 @@ class ScenePlan:
     True
     """
 
-    dances: tuple[Plan, ...]  # of which the first one is that of the leader
-    dancers: tuple[PlannedDancer, ...]  # the leader first
-    requests: tuple[PlannedRequest, ...] = ()  # of the dances that networks generate
+    dances: tuple[Plan, ...]
+    """The dances. The first one is that of the leader."""
+
+    dancers: tuple[PlannedDancer, ...]
+    """The dancers, the leader first."""
+
+    requests: tuple[PlannedRequest, ...] = ()
+    """How dances that a network generates are made again."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dances", as_list("dances of a scene", self.dances, "Plan", Plan))

@@ -197,10 +197,17 @@ _LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
 class Loop:
     """A motion whose last frame is its first, and its place in the dance."""
 
-    motion: Motion  # from the start of a bar to the start of another
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    n_bars: int  # between start and end
+    motion: Motion
+    """The motion from the start of a bar to the start of another."""
+
+    start_s: float
+    """Where it begins in the dance, in seconds."""
+
+    end_s: float
+    """Where it ends in the dance, in seconds."""
+
+    n_bars: int
+    """Number of bars between start and end."""
 
 
 def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:

@@ -47,10 +47,17 @@ _NO_WORD = -1
 class StreamedWord:
     """A word of a streamed dance, and the motif, or the word of a take, on which it is conditioned."""
 
-    start_s: float  # in the song
-    end_s: float  # in the song
-    motif: int  # index in the vocabulary
-    word: int = _NO_WORD  # index in the vocabulary, or -1 for a motif that was requested or drawn alone
+    start_s: float
+    """When it begins in the song, in seconds."""
+
+    end_s: float
+    """When it ends in the song, in seconds."""
+
+    motif: int
+    """Index of the motif in the vocabulary."""
+
+    word: int = _NO_WORD
+    """Index of the word in the vocabulary, or -1 for a motif that was requested or drawn alone."""
 
 
 class MotifStream:
