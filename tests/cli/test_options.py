@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 import pytest
 from command_line import all_commands, assert_one_line, run
+from synthetic_characters import CHARACTERS, write_character
 
 from choreograph.formats import output_formats
 
@@ -71,7 +72,7 @@ def notes_of(monkeypatch, tmp_path, db, song):
     """Runs `dance` with options, without dancing or writing: its result, and the notes on all dances."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("choreograph.pipeline.saving.check_outputs", lambda paths: None)
-    monkeypatch.setattr("choreograph.cli.dance._check_character", lambda *_: None)
+    write_character(tmp_path / "hero.glb", CHARACTERS["mixamo"])
     monkeypatch.setattr("choreograph.cli.dance.run_jobs", lambda *_, **__: [])
     shown = []
     monkeypatch.setattr("choreograph.cli.dance.present", lambda results, notes, **_: shown.append(notes))
