@@ -29,8 +29,8 @@ from .formats.register import save_motion as save_motion
 from .library.building.options import BuildOptions as BuildOptions
 from .library.building.options import BuildResult as BuildResult
 from .library.builtin import example_songs as example_songs
-from .library.builtin import starter_repertoire as starter_repertoire
 from .library.repertoire import Repertoire as Repertoire
+from .library.repertoire import starter_repertoire as starter_repertoire
 from .motion.motion import Credits as Credits
 from .motion.motion import Motion as Motion
 from .motion.motion import Take as Take

@@ -25,11 +25,10 @@ from choreograph.core.files import locked_folder
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.metrics.counts import counts_per_beat, counts_within
-from choreograph.library.building.counting import MOTION_NET
 from choreograph.library.building.networks import STYLE_NET, checksum_of
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
-from choreograph.library.builtin import PRETRAINED, pretrained_path
+from choreograph.library.builtin import MOTION_NET, PRETRAINED, pretrained_path
 from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m

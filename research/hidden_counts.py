@@ -29,11 +29,7 @@ from numpy.typing import NDArray
 import choreograph as cg
 from choreograph.choreography.constraints import Ban
 from choreograph.choreography.graph.warp_kernels import UNREACHED, smooth_batch
-from choreograph.choreography.graph.warping import (
-    CountedClips,
-    count_time_maps,
-    subsequence_dtw,
-)
+from choreograph.choreography.graph.warping import CountedClips, count_time_maps, subsequence_dtw
 from choreograph.core.counts import NO_COUNTS, Counts, index_at
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import Floats
@@ -41,8 +37,7 @@ from choreograph.core.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
 from choreograph.evaluation.songs import find_songs
-from choreograph.library.building.counting import are_likely_right
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import are_likely_right, pretrained_set
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.mel import log_mel

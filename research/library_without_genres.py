@@ -19,9 +19,8 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.evaluation.songs import find_songs
-from choreograph.library.schema import Contents
 from choreograph.library.store import RepertoireFile
-from choreograph.library.writing import write_repertoire
+from choreograph.library.writing import Contents, write_repertoire
 
 WAYS = [(selection, cost) for selection in ("genre", "style") for cost in (1.0, 0.0)]
 

@@ -28,11 +28,12 @@ from choreograph.choreography.motif_sequences import NEEDS, draw_motifs
 from choreograph.core.numerics import chi_square_distance
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.formats.register import import_takes
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.motifs import Motifs, find_motifs
-from choreograph.library.vocabulary import make_vocabulary
-from choreograph.library.words import (
+from choreograph.library.repertoire import starter_repertoire
+from choreograph.library.vocabulary import (
+    Motifs,
     Words,
+    find_motifs,
+    make_vocabulary,
     segment_words,
     signature,
     template,

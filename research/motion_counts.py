@@ -36,9 +36,8 @@ from choreograph.evaluation.metrics.counts import WITHIN_BEATS, downbeat_share, 
 from choreograph.evaluation.metrics.counts import evaluate as counts_scores
 from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
-from choreograph.library.schema import Contents
 from choreograph.library.store import RepertoireFile
-from choreograph.library.writing import write_repertoire
+from choreograph.library.writing import Contents, write_repertoire
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 from choreograph.music._kernels import best_beat_sequence
 from choreograph.music.bar_pointer import PhaseCurves, decode_counts

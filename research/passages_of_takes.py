@@ -26,9 +26,15 @@ from choreograph.core.timebase import NET_FPS, WORD_FPS, WORD_FRAMES
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts, physical
 from choreograph.evaluation.metrics.structure import n_gram_chance, n_gram_share
-from choreograph.library.motifs import find_motifs
-from choreograph.library.vocabulary import Vocabulary, make_vocabulary
-from choreograph.library.words import dance_bounds_s, poses_at, segment_words, signature
+from choreograph.library.vocabulary import (
+    Vocabulary,
+    dance_bounds_s,
+    find_motifs,
+    make_vocabulary,
+    poses_at,
+    segment_words,
+    signature,
+)
 from choreograph.motion.body import body_pos_m, clips_to_root_frame
 from choreograph.nets.configs import word_config
 from choreograph.nets.words import WordTake, train_word_net

@@ -21,7 +21,7 @@ import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jerk_ratio_at
 from choreograph.formats.register import import_takes
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 from choreograph.music.song import load_song
 

@@ -42,7 +42,7 @@ from choreograph.evaluation.metrics.motion_beat_detectors import beats_by_detect
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
 from choreograph.evaluation.songs import SongMusic, find_songs, song_music
 from choreograph.library.schema import rollout_names
-from choreograph.library.words import dance_bounds_s, signature
+from choreograph.library.vocabulary import dance_bounds_s, signature
 from choreograph.motion.body import body_pos_m, to_root_frame
 from choreograph.motion.motion import Motion, Take
 from choreograph.music.beats import DEFAULT_TRACKER

@@ -15,8 +15,7 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.vocabulary import ALL_GENRES
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import ALL_GENRES, signature
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics import beat
 from choreograph.evaluation.metrics.motion_beat_detectors import savitzky_golay_beats_s
 from choreograph.formats.dance_with_melody import read
-from choreograph.library.words import segment_words, signature
+from choreograph.library.vocabulary import segment_words, signature
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s

@@ -32,7 +32,7 @@ from urllib.request import Request, urlopen
 import numpy as np
 
 from choreograph.choreography.edits import edit_slots
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.music.synthesis.song import render_song, write_song
 from research.studio_page import frames, page_times
 

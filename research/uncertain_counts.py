@@ -37,16 +37,12 @@ from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
 from choreograph.evaluation.songs import find_songs
-from choreograph.library.building.counting import (
-    MAX_MOTION_UNCERTAINTY,
-    MIN_MOTION_CONFIDENCE,
-    SURE_MOTION_CONFIDENCE,
-)
-from choreograph.library.builtin import pretrained_set
-from choreograph.library.schema import UNCERTAINTY, Contents
+from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
+from choreograph.library.builtin import MAX_MOTION_UNCERTAINTY, MIN_MOTION_CONFIDENCE, pretrained_set
+from choreograph.library.schema import UNCERTAINTY
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.library.store import RepertoireFile
-from choreograph.library.writing import write_repertoire
+from choreograph.library.writing import Contents, write_repertoire
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_uncertainty, decode_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song

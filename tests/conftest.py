@@ -64,16 +64,16 @@ def _keep_no_results() -> None:
 
 def _open_built_in_repertoire_once() -> None:
     """Let all tests of a process read one built-in repertoire, with all that it has computed of its clips."""
-    from choreograph.library import builtin
+    from choreograph.library import repertoire
 
-    open_anew = builtin.starter_repertoire
+    open_anew = repertoire.starter_repertoire
     opened = functools.cache(lambda path: open_anew())
 
     @functools.wraps(open_anew)
     def starter_repertoire():
-        return opened(builtin.STARTER_PATH)
+        return opened(repertoire.STARTER_PATH)
 
-    builtin.starter_repertoire = starter_repertoire
+    repertoire.starter_repertoire = starter_repertoire
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

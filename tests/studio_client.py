@@ -6,8 +6,7 @@ import time
 
 from fastapi.testclient import TestClient
 
-from choreograph.studio.app import make_app
-from choreograph.studio.safety import Access
+from choreograph.studio.server import Access, make_app
 
 PORT = 8000
 

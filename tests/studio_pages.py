@@ -10,9 +10,8 @@ from pathlib import Path
 
 import browsers
 
-from choreograph.library.builtin import as_repertoire
-from choreograph.studio.safety import Access
-from choreograph.studio.serve import _listening, make_server, start
+from choreograph.library.repertoire import as_repertoire
+from choreograph.studio.server import Access, _listening, make_server, start
 
 PATIENCE_S = 300  # work may take long where many tests run beside it
 WIDE, PHONE = (1280, 800), (390, 844)

@@ -14,13 +14,17 @@ from synthetic_motions import stepping
 
 from choreograph.core.counts import Figure, make_counts, numbers_in_bar
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ
-from choreograph.library.motifs import find_motifs
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.schema import Contents, NetArrays
+from choreograph.library.schema import NetArrays
 from choreograph.library.store import RepertoireFile
-from choreograph.library.vocabulary import Vocabulary, make_vocabulary, motif_arrays
-from choreograph.library.words import segment_words
-from choreograph.library.writing import MeasuredTake, to_arrays, write_repertoire, write_texts
+from choreograph.library.vocabulary import (
+    Vocabulary,
+    find_motifs,
+    make_vocabulary,
+    motif_arrays,
+    segment_words,
+)
+from choreograph.library.writing import Contents, MeasuredTake, to_arrays, write_repertoire, write_texts
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Take
 from choreograph.motion.motion_beats import motion_beat_times_s

@@ -7,7 +7,7 @@ import numpy as np
 
 from choreograph.choreography.rollout.generation import MotifSequence
 from choreograph.core.counts import count_phase, make_counts, numbers_in_bar
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion

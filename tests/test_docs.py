@@ -32,7 +32,7 @@ import choreograph as cg
 from choreograph import settings
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
-from choreograph.library import builtin
+from choreograph.library import repertoire as repertoire_module
 from choreograph.nets import configs
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -140,7 +140,7 @@ def test_the_commands_and_the_python_of_a_page_run(name, files, tmp_path, monkey
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(webbrowser, "open", look_and_close)
     if name not in OF_BUILT_IN:
-        monkeypatch.setattr(builtin, "STARTER_PATH", tmp_path / "library.h5")
+        monkeypatch.setattr(repertoire_module, "STARTER_PATH", tmp_path / "library.h5")
     house = cg.load_song(cg.example_songs()["house"], duration_s=SONG_S.get(name, 5.5))
     soundfile.write("song.mp3", house.samples, SAMPLE_RATE_HZ)
     for path in map(Path, ("other.mp3", "heldout/a.wav", "songs/a.wav")):

@@ -21,7 +21,7 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import atomic_path, check_target, read_json
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import parse_seconds
-from choreograph.library.words import checked_signature
+from choreograph.library.vocabulary import checked_signature
 from choreograph.motion.motion import Credits
 from choreograph.plan.plan import FORMAT as PLAN_FORMAT
 from choreograph.plan.plan import Plan

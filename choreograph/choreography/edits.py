@@ -13,7 +13,7 @@ from choreograph.core.arguments import check_kind, is_whole, unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import one_line
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.plan.plan import TOUCH_S, Plan
 
 # What can be asked for. Times are in seconds of the dance, and are moved to the nearest counts.

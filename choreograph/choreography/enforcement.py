@@ -10,19 +10,13 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.mixer.words import (
-    AROUND_S,
-    CandidatePool,
-    Candidates,
-    WordBank,
-    search_words,
-)
+from choreograph.choreography.mixer.words import AROUND_S, CandidatePool, Candidates, WordBank, search_words
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.errors import NoPathError
 from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.timebase import NET_FPS, WORD_FPS, frame_times_s, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import WORDS_AT_ONCE, poses_at, word_bounds_s, words_between
+from choreograph.library.vocabulary import WORDS_AT_ONCE, poses_at, word_bounds_s, words_between
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, clips_to_root_frame, to_root_frame
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s

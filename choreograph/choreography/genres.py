@@ -13,8 +13,8 @@ from choreograph.choreography.selection import genre_distances
 from choreograph.core.counts import Counts
 from choreograph.core.filters import median_filter
 from choreograph.core.numerics import Floats
+from choreograph.library.clips import TakeTempi
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.take_counts import TakeTempi
 from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.music.form import Sections
 from choreograph.music.metrical_level import DANCED_IN

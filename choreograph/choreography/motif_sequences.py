@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from choreograph.core.counts import UNKNOWN
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, Indices
-from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
-from choreograph.library.words import checked_signature
+from choreograph.library.vocabulary import ALL_GENRES, Vocabulary, checked_signature
 
 # Goals for a whole dance: its motif signature and its motif transitions.
 

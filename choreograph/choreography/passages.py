@@ -30,8 +30,7 @@ from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.counts import UNKNOWN, bar_positions
 from choreograph.core.numerics import Floats, Indices, chi_square_distance, frame_blocks
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import Vocabulary
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import Vocabulary, signature
 
 # Passages of takes, and the draw of one.
 

@@ -10,7 +10,7 @@ from choreograph.choreography.edits import EditSlots
 from choreograph.core.counts import Counts, bar_positions
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import dance_bounds_s, poses_at
+from choreograph.library.vocabulary import dance_bounds_s, poses_at
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Credits, Motion
 from choreograph.music.count_grids import accent_shifts_s

@@ -15,8 +15,7 @@ from choreograph.core.counts import UNKNOWN, Counts, bar_positions
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import Vocabulary
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import Vocabulary, dance_bounds_s
 from choreograph.motion.motion import Motion
 from choreograph.plan.plan import LENGTH_SLACK_S, Plan
 

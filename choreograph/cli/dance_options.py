@@ -21,13 +21,15 @@ from choreograph.cli.declared import (
     Given,
     Input,
     Output,
+    Seconds,
+    SongTime,
+    SongTimes,
     after_equals,
     given_parameters,
     given_settings,
     grouped,
     whole,
 )
-from choreograph.cli.times import Seconds, SongTime, SongTimes
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.formats import output_formats
 from choreograph.settings import MAX_VARIATIONS, DanceConfig, engine_names, load_config

@@ -17,6 +17,7 @@ from choreograph.cli.declared import (
     Given,
     Input,
     Output,
+    Seconds,
     after_at,
     argument,
     grouped,
@@ -25,7 +26,6 @@ from choreograph.cli.declared import (
     whole,
 )
 from choreograph.cli.present import examples, printable, say, show_notes, stages, table_console
-from choreograph.cli.times import Seconds
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import check_target, folder_beside
 
@@ -192,7 +192,7 @@ def _of_dances(
 ) -> Evaluation:
     from choreograph.evaluation.dance_scores import evaluate
     from choreograph.formats.register import load_motion
-    from choreograph.library.builtin import as_repertoire
+    from choreograph.library.repertoire import as_repertoire
     from choreograph.music.song import load_song
 
     loaded = load_song(song, duration_s=duration)
@@ -226,7 +226,7 @@ def _of_folders(
     from choreograph.evaluation.results import REAL
     from choreograph.evaluation.songs import find_songs
     from choreograph.formats.register import load_motion
-    from choreograph.library.builtin import as_repertoire
+    from choreograph.library.repertoire import as_repertoire
 
     if page is not None:
         raise ParameterError("expected DANCE files and one song beside --page, got folders: name a song")
@@ -308,8 +308,7 @@ def _of_songs(
 ) -> Evaluation:
     from choreograph.evaluation.run import evaluate_variants
     from choreograph.evaluation.songs import read_experts
-    from choreograph.library.builtin import as_repertoire
-    from choreograph.library.repertoire import Repertoire
+    from choreograph.library.repertoire import Repertoire, as_repertoire
 
     repertoire = as_repertoire(db)
     judging = None if judge is None else Repertoire.open(judge)

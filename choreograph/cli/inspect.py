@@ -1,21 +1,27 @@
-"""`choreograph inspect`, `songs` and `settings` show a repertoire, the built-in songs, and all settings."""
+"""`choreograph inspect`, `library`, `songs` and `settings`.
+
+They show a repertoire and what it is good for, keep several repertoire files as one library, and show the
+built-in songs and all settings.
+"""
 
 from __future__ import annotations
 
 import inspect
 import json
+import math
 import os
 import shutil
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from choreograph.cli.declared import Command, Input, Output, argument, option, whole
-from choreograph.cli.present import examples, say, show_notes
+from choreograph.cli.declared import Changed, Command, Input, Output, argument, option, whole
+from choreograph.cli.present import examples, say, show_notes, stages
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_target, free_names, sha256_of
@@ -23,6 +29,8 @@ from choreograph.core.progress import counted
 
 if TYPE_CHECKING:
     from choreograph.core.settings import Setting
+    from choreograph.evaluation.coverage import Coverage
+    from choreograph.library.catalogue import AnyFile
     from choreograph.library.repertoire import Repertoire
 
 _N_COMMON = 5  # motifs shown of each genre
@@ -95,12 +103,11 @@ def command(
     output: Path | None,
 ) -> None:
     """Show takes, clips, networks and motifs of the repertoire DB (default: the built-in one)."""
-    from choreograph.library.builtin import STARTER_PATH
-    from choreograph.library.repertoire import Repertoire
+    from choreograph.library.repertoire import as_repertoire
 
     if output is not None:
         _check_suffix(output, {"signature": signature, "counts": counts, "coverage": songs})
-    repertoire = Repertoire.open(db or STARTER_PATH)
+    repertoire = as_repertoire(db)
     if signature is not None and output is not None:
         from choreograph.choreography.constraints import write_signature
         from choreograph.pipeline.session import signature_of
@@ -120,8 +127,6 @@ def command(
         _show_build_notes(repertoire, take, as_json=as_json)
         return
     if with_check or with_lint or with_movement or songs:
-        from choreograph.cli.archive import show_check, show_coverage, show_lint, show_movement
-
         if with_check:
             show_check(repertoire, as_json=as_json)
         elif with_lint:
@@ -381,3 +386,191 @@ def _as_toml(setting: Setting) -> list[str]:
         return [*text, f"[{setting.name}]", ""]
     value = "" if setting.default is None else json.dumps(setting.default)
     return [*text, f"{setting.name} = {value}" if value else f"# {setting.name} =", ""]
+
+
+# What a repertoire is good for.
+
+
+def show_check(repertoire: Repertoire, *, as_json: bool) -> None:
+    """Read a whole repertoire and print that nothing is damaged. Raises `RepertoireError` if a block is."""
+    with stages(quiet=as_json) as shown:
+        repertoire.verify(partial(shown.report, "checking"))
+    n_bytes = sum(path.stat().st_size for path in repertoire.paths)
+    if as_json:
+        click.echo(
+            json.dumps({"path": str(repertoire.path), "is_intact": True, "n_bytes": n_bytes}, indent=1)
+        )
+        return
+    takes, clips = counted(len(repertoire.takes), "take"), counted(repertoire.n_clips, "clip")
+    say(f"{repertoire.path.name}: {takes}, {clips}, {n_bytes / 1e6:,.1f} MB, and every checksum is right")
+
+
+def show_lint(repertoire: Repertoire, *, as_json: bool) -> None:
+    """Print what is likely wrong in a repertoire, grouped by kind."""
+    from choreograph.evaluation.lint import KINDS, lint
+
+    with stages(quiet=as_json) as shown:
+        findings = lint(repertoire, report=shown.report)
+    if as_json:
+        click.echo(json.dumps([asdict(finding) for finding in findings], indent=1))
+        return
+    for kind in KINDS:
+        of_kind = [finding for finding in findings if finding.kind == kind]
+        if of_kind:
+            say(f"{kind}: {counted(len(of_kind), 'finding')}")
+        for finding in of_kind:
+            say(f"  {finding}")
+    if not findings:
+        say(f"{repertoire.path.name}: nothing was found")
+
+
+def show_movement(repertoire: Repertoire, *, as_json: bool) -> None:
+    """Print how a repertoire moves, beside the ranges of real dancing."""
+    from choreograph.evaluation.movement import movement, movement_table
+
+    cells = movement(repertoire)
+    if as_json:
+        click.echo(json.dumps([asdict(cell) | {"inside": cell.is_inside} for cell in cells], indent=1))
+        return
+    for line in movement_table(cells):
+        say(line)
+
+
+def show_coverage(
+    repertoire: Repertoire, given: Sequence[Path], *, picture: Path | None, as_json: bool
+) -> None:
+    """Print what a repertoire lacks for songs, which are files or all songs of folders."""
+    from choreograph.evaluation.coverage import coverage, coverage_table
+    from choreograph.evaluation.plots import expect_matplotlib, write_coverage_figure
+
+    if picture is not None:
+        expect_matplotlib()
+    songs = [song for path in given for song in _songs_at(path)]
+    with stages(quiet=as_json) as shown:
+        found = coverage(repertoire, songs, report=shown.report)
+    if picture is not None:
+        write_coverage_figure(picture, found)
+    if as_json:
+        click.echo(json.dumps(_as_json(found), indent=1))
+        return
+    for line in coverage_table(found):
+        say(line)
+    if picture is not None:
+        say(f"{picture}: tempi of songs and takes")
+
+
+def _songs_at(path: Path) -> list[Path]:
+    from choreograph.evaluation.songs import SONG_SUFFIXES
+
+    if not path.is_dir():
+        return [path]
+    songs = sorted(p for p in path.iterdir() if p.suffix.lower() in SONG_SUFFIXES and p.name[0] != ".")
+    if not songs:
+        raise ParameterError(f"expected songs in {path}, got a folder without audio files")
+    return songs
+
+
+def _as_json(found: Coverage) -> dict[str, object]:
+    return {
+        "songs": [
+            {
+                "song": song.song,
+                "duration_s": round(song.duration_s, 3),
+                "metre": song.metre,
+                "poor_s": song.poor_s,
+                "genre_probability": round(song.probability, 3),
+                "seconds": [
+                    {
+                        "genre": genre,
+                        "tempo_bpm": round(float(bpm), 1) if math.isfinite(bpm) else None,
+                        "motion_s": round(float(motion_s), 1),
+                        "lacks": reason,
+                    }
+                    for genre, bpm, motion_s, reason in zip(
+                        song.genres, song.tempo_bpm, song.motion_s, song.reasons, strict=True
+                    )
+                ],
+                "notes": list(song.notes),
+            }
+            for song in found.songs
+        ],
+        "lacks": [asdict(lack) for lack in found.lacks],
+        "unused": list(found.unused),
+    }
+
+
+# `choreograph library`.
+
+
+@click.group(
+    short_help="Keep several repertoire files as one library.",
+    epilog=examples(
+        "choreograph library create archive/ monday.h5 tuesday.h5",
+        "choreograph library add archive/ wednesday.h5",
+        "choreograph library remove archive/ monday",
+        "choreograph library check archive/",
+        "choreograph library merge archive/ -o all.h5",
+        "choreograph dance song.mp3 --db archive/",
+    ),
+)
+def library() -> None:
+    """Keep repertoire files in a folder that is one library, for the option --db of other commands.
+
+    The files have the same networks, motifs and skeleton. `build-db --init-from FILE --keep-networks` builds
+    one that has those of FILE. Takes of a file are changed by `build-db --add`, --replace and --remove.
+    """
+
+
+@library.command("create", cls=Command, short_help="Make a folder of repertoire files.")
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("files", nargs=-1, required=True, type=Input("repertoire"))
+def create(directory: Path, files: tuple[Path, ...]) -> None:
+    """Copy repertoire FILES to the new folder DIR, if they can be read as one library."""
+    from choreograph.library.catalogue import create_library
+
+    _show(directory, create_library(directory, files))
+
+
+@library.command("add", cls=Command, short_help="Add repertoire files.")
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("files", nargs=-1, required=True, type=Input("repertoire"))
+def add(directory: Path, files: tuple[Path, ...]) -> None:
+    """Copy repertoire FILES to DIR, if they have the networks, motifs and skeleton of its files."""
+    from choreograph.library.catalogue import add_files
+
+    _show(directory, add_files(directory, files))
+
+
+@library.command("remove", cls=Command, short_help="Delete files of a library.")
+@argument("directory", metavar="DIR", type=Changed("repertoire"))
+@argument("names", nargs=-1, required=True)
+def remove(directory: Path, names: tuple[str, ...]) -> None:
+    """Delete the files NAMES of the library DIR."""
+    from choreograph.library.catalogue import remove_files
+
+    _show(directory, remove_files(directory, names))
+
+
+@library.command("check", cls=Command, short_help="Compare all data with its checksums.")
+@argument("directory", metavar="DIR", type=Input("repertoire"))
+def check(directory: Path) -> None:
+    """Read all of the library DIR, and compare every block with its checksum."""
+    from choreograph.library.repertoire import Repertoire
+
+    show_check(Repertoire.open(directory), as_json=False)
+
+
+@library.command("merge", cls=Command, short_help="Write all takes to one file.")
+@argument("paths", metavar="DIR|FILE...", nargs=-1, required=True, type=Input("repertoire"))
+@option("-o", "--output", required=True, type=Output(), help="Repertoire to write.")
+def merge(paths: tuple[Path, ...], output: Path) -> None:
+    """Write the takes of a library, or of several files, to one repertoire."""
+    from choreograph.library.catalogue import merge_library
+
+    _show(output, merge_library(paths, output))
+
+
+def _show(path: Path, file: AnyFile) -> None:
+    shapes = file.shapes
+    takes, clips = counted(shapes["takes/fps"][0], "take"), counted(shapes["clips/take"][0], "clip")
+    say(f"{path}: {takes}, {clips}")

@@ -258,7 +258,7 @@ class _Clock:
 
 
 def _dance(song: Path, db: tuple[Path, ...], arguments: dict[str, Any]) -> Dance:
-    from choreograph.library.builtin import as_repertoire
+    from choreograph.library.repertoire import as_repertoire
     from choreograph.pipeline.dancing import dance
 
     with stages(quiet=False) as shown:

@@ -86,17 +86,15 @@ def _log_folders() -> list[Path]:
 
 
 _COMMANDS = {
-    "build-db": "build_db", "convert": "characters:convert", "count": "count",
-    "dance": "dance", "evaluate": "evaluate", "get": "get", "inspect": "inspect", "library": "library",
-    "live": "live",
-    "retarget": "characters:retarget", "scene": "scene",
+    "build-db": "build_db", "convert": "characters:convert", "count": "characters:count",
+    "dance": "dance", "evaluate": "evaluate", "get": "build_db:get", "inspect": "inspect",
+    "library": "inspect:library", "live": "live", "retarget": "characters:retarget", "scene": "scene",
     "settings": "inspect:settings", "songs": "inspect:songs", "studio": "studio",
 }  # fmt: skip
 
 
-_GC_THRESHOLD = (
-    10_000  # new objects, after which Python looks for garbage. Imports alone make 700 over and over
-)
+# New objects, after which Python looks for garbage. Imports alone make 700 over and over.
+_GC_THRESHOLD = 10_000
 
 
 class _Commands(click.Group):

@@ -17,6 +17,9 @@ from choreograph.cli.declared import (
     Given,
     Input,
     Output,
+    Seconds,
+    SongTime,
+    SongTimes,
     after_equals,
     argument,
     given_settings,
@@ -26,7 +29,6 @@ from choreograph.cli.declared import (
     whole,
 )
 from choreograph.cli.present import StageLines, examples, say, show_notes, stages
-from choreograph.cli.times import Seconds, SongTime, SongTimes
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import check_apart, file_identity, free_names
 from choreograph.core.progress import counted
@@ -217,7 +219,7 @@ def _made(
     song: Path | None, plan_path: Path | None, options: dict[str, Any], shown: Stages | StageLines
 ) -> Scene:
     from choreograph.cli.characters import character_of
-    from choreograph.library.builtin import as_repertoire
+    from choreograph.library.repertoire import as_repertoire
     from choreograph.pipeline.scenes import render_scene_plan, scene
     from choreograph.plan.scenes import ScenePlan
 

@@ -12,7 +12,7 @@ from choreograph.core.errors import ParameterError
 
 
 def _beside_song(given: Given) -> tuple[Path, ...]:
-    from choreograph.studio.project_file import project_path
+    from choreograph.studio.project import project_path
 
     return () if given["song"] is None else (project_path(given["song"]),)
 
@@ -56,12 +56,12 @@ def command(
     All changes are kept in the file of the project as they are made, and can be undone.
     """
     try:
-        from choreograph.studio.serve import serve, start
+        from choreograph.studio.server import serve, start
     except ModuleNotFoundError as error:
         raise ParameterError(
             f"expected the extra `studio`, got no {error.name}: run pip install 'choreograph[studio]'"
         ) from None
-    from choreograph.library.builtin import as_repertoire
+    from choreograph.library.repertoire import as_repertoire
 
     service = start(song, as_repertoire(db), project=project, character=character)
     serve(

@@ -48,9 +48,8 @@ from choreograph.evaluation.scores import (
     second_opinion_scores,
 )
 from choreograph.evaluation.songs import SongMusic, second_tracker, song_music
-from choreograph.library.building.counting import MotionCounter, load_motion_counter
-from choreograph.library.builtin import as_repertoire, pretrained_set
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.builtin import MotionCounter, load_motion_counter, pretrained_set
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.beats import DEFAULT_TRACKER

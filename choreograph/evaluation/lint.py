@@ -21,7 +21,7 @@ from choreograph.core.progress import ProgressReport
 from choreograph.core.timebase import CLIP_S, NET_FPS
 from choreograph.evaluation.metrics.physical import floating_share, floor_penetration_cm, foot_slide_cm_s
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import signature
 from choreograph.motion.body import to_root_frame
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
 from choreograph.music.count_grids import FEWEST_COUNTS

@@ -16,8 +16,7 @@ from choreograph.evaluation.danced_counts import figure_borders_s
 from choreograph.evaluation.metrics import requests, structure, transitions
 from choreograph.evaluation.scores import Scores
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import ALL_GENRES
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import ALL_GENRES, segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.form import Sections

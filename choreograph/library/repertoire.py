@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text
+from choreograph.core.arguments import as_index, as_number, check_function, check_kind, check_text, unexpected
 from choreograph.core.cache import digest
 from choreograph.core.counts import UNKNOWN, Counts, Figure, bar_positions
 from choreograph.core.errors import ParameterError, RepertoireError
@@ -19,16 +19,14 @@ from choreograph.core.files import as_path
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import counted, cut_line, html_table
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, frames_to_seconds
-from choreograph.library.body_positions import stored_motion, stored_skeleton
-from choreograph.library.checks import check_clips
-from choreograph.library.clips import ClipMotion, TakeInfo, figures_from, takes_from
-from choreograph.library.motifs import SpanMotifLookup
+from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.catalogue import AnyFile, RepertoireShards, motif_set, open_files
+from choreograph.library.clips import ClipMotion, TakeCounts, TakeInfo, TakeTempi, figures_from, takes_from
+from choreograph.library.derived import stored_motion, stored_skeleton
 from choreograph.library.notes import Note, notes_from
-from choreograph.library.schema import NetArrays, rollout_names
-from choreograph.library.shards import AnyFile, RepertoireShards, motif_set, open_files
+from choreograph.library.schema import NetArrays, check_clips, rollout_names
 from choreograph.library.store import RepertoireFile
-from choreograph.library.take_counts import TakeCounts, TakeTempi
-from choreograph.library.vocabulary import Vocabulary, vocabulary_from
+from choreograph.library.vocabulary import SpanMotifLookup, Vocabulary, vocabulary_from
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.music.count_grids import accent_shifts_s
@@ -421,3 +419,33 @@ class Repertoire:
     def clip_motion(self) -> ClipMotion:
         """Features of the clips by frame."""
         return ClipMotion(self._file, self.takes, self.counts, self.clip_take, self.clip_start_frame)
+
+
+def starter_repertoire() -> Repertoire:
+    """Open the built-in repertoire: synthetic takes in fifteen genres with their networks and motifs.
+
+    Raises
+    ------
+    RepertoireError   if the installation lacks the file
+
+    Examples
+    --------
+    >>> repertoire = cg.starter_repertoire()
+    >>> repertoire
+    <Repertoire starter.h5: 345 takes, 94.2 min, 3,071 clips, genres: Charleston, ...>
+    """
+    return Repertoire(RepertoireFile(STARTER_PATH))
+
+
+def as_repertoire(repertoire: object) -> Repertoire:
+    """An opened repertoire, for None or no paths the built-in one.
+
+    Raises `ParameterError` unless given one, a path, or a list of paths.
+    """
+    if repertoire is None or (isinstance(repertoire, tuple) and not repertoire):
+        return starter_repertoire()
+    if isinstance(repertoire, Repertoire):
+        return repertoire
+    if not isinstance(repertoire, str | Path | list | tuple):
+        raise unexpected("a repertoire or its path", repertoire)
+    return Repertoire.open(repertoire)

@@ -1,135 +1,151 @@
-"""The layout of a repertoire file, documented in `data_schema/repertoire.json`, and its plain data."""
+"""The layout of a repertoire file, version 1, as `data_schema/repertoire.json` documents it, and its checks.
+
+Takes are concatenated along the first axis of each array. The table of takes holds their first and last
+rows. Clips are pairs of take and start frame, not copies.
+
+Files may come from untrusted sources. How arrays are stored is checked before any of them is read. Values are
+checked when they are read, and then the relations between arrays. Messages do not contain the name of the
+file, which `store` adds.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
 from choreograph.core.numerics import zigzag_decode, zigzag_encode
-
-if TYPE_CHECKING:
-    from choreograph.library.joined_rows import Rows
-
-# The layout of a repertoire file, version 1. `data_schema/repertoire.json` documents it for other programs.
-#
-# Takes are concatenated along the first axis of each array. The table of takes holds their first and last
-# rows. Clips are pairs of take and start frame, not copies.
-
+from choreograph.core.timebase import CLIP_FRAMES
 
 FORMAT = "choreograph-repertoire"
 NETWORKS_FORMAT = "choreograph-networks"  # a file with networks of `NETS` and `provenance` alone
 VERSION = 1
 
-# path -> (kind, shape). The kinds are s (UTF-8 texts), f4, f8, i4 and i8, as in h5py. Letters are axes:
-# J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat, N clip, C checksum,
-# U count, F figure, H genre, Z second of a genre.
+ATTRIBUTES = ("format", "version", "density")  # of the file itself
+_FAR_M = 1e6
+_LONG_S = 1e7
+_COUNTED = 1 << 31
+
+
+class Dataset(NamedTuple):
+    """How an array is stored, and the range of its values. No value is NaN or infinite."""
+
+    kind: str  # s (UTF-8 texts), f4, f8, i4 or i8, as in h5py
+    axes: str  # letters and lengths of its axes
+    low: float = -np.inf
+    high: float | str = np.inf  # a letter is the length of that axis, and "<" with a letter its last index
+
+
+# By path. The axes are J joint, E end site, X take, M stored motion frame, B 20 fps frame, Q motion beat,
+# N clip, C checksum, U count, F figure, H genre, Z second of a genre.
 #
 # Texts are stored as bytes, each text ended by a zero. HDF5's own texts of any length lie in heaps without
 # checksums. Every array of numbers and of texts has Fletcher's checksums, which HDF5 verifies as it reads.
-DERIVED: dict[str, tuple[str, str]] = {  # from the other arrays, see `library.derived`
-    "takes/front_rad": ("f8", "X"),
-    "takes/centre_m": ("f8", "X 3"),
-    "takes/tempo_bpm": ("f8", "X"),
-    "body/speed_m_s": ("f4", "B"),
-    "body/heading_rad": ("f4", "B"),
-    "body/sums": ("f8", "B 2"),
-    "clips/steps": ("i4", "N"),
-    "clips/step_rank": ("f4", "N"),
-    "clips/liveliness_rank": ("f4", "N"),
-    "genres/name": ("s", "H"),
-    "genres/scale": ("f8", "H 2"),
-    "genres/size_start": ("i8", "H"),
-    "genres/size_stop": ("i8", "H"),
-    "genres/sizes": ("f8", "Z"),
+DERIVED: dict[str, Dataset] = {  # from the other arrays, see `library.derived`
+    "takes/front_rad": Dataset("f8", "X", -4, 4),
+    "takes/centre_m": Dataset("f8", "X 3", -_FAR_M, _FAR_M),
+    "takes/tempo_bpm": Dataset("f8", "X", 0, _FAR_M * 100),
+    "body/speed_m_s": Dataset("f4", "B", 0, _FAR_M * 100),
+    "body/heading_rad": Dataset("f4", "B", -_FAR_M, _FAR_M),
+    "body/sums": Dataset("f8", "B 2", 0, _FAR_M * _FAR_M),
+    "clips/steps": Dataset("i4", "N", 0, _FAR_M),
+    "clips/step_rank": Dataset("f4", "N", 0, 1),
+    "clips/liveliness_rank": Dataset("f4", "N", 0, 1),
+    "genres/name": Dataset("s", "H"),
+    "genres/scale": Dataset("f8", "H 2", 0, _FAR_M),
+    "genres/size_start": Dataset("i8", "H", 0, "Z"),
+    "genres/size_stop": Dataset("i8", "H", 0, "Z"),
+    "genres/sizes": Dataset("f8", "Z", 0, _FAR_M * _FAR_M),
 }
-DATASETS: dict[str, tuple[str, str]] = {
-    "skeleton/names": ("s", "J"),
-    "skeleton/parents": ("i8", "J"),
-    "skeleton/offsets_m": ("f8", "J 3"),
-    "skeleton/tip_parents": ("i8", "E"),
-    "skeleton/tips_m": ("f8", "E 3"),
-    "takes/name": ("s", "X"),
-    "takes/song_name": ("s", "X"),
-    "takes/genre": ("s", "X"),
-    "takes/performer": ("s", "X"),
-    "takes/licence": ("s", "X"),
-    "takes/source": ("s", "X"),
-    "takes/notes": ("s", "X"),
-    "takes/fps": ("f8", "X"),
-    "takes/motion_start": ("i8", "X"),
-    "takes/motion_stop": ("i8", "X"),
-    "takes/body_start": ("i8", "X"),
-    "takes/body_stop": ("i8", "X"),
-    "takes/beat_start": ("i8", "X"),
-    "takes/beat_stop": ("i8", "X"),
-    "motion/root_pos_m": ("f4", "M 3"),
-    "motion/local_quat": ("f4", "M J 4"),
-    "body/pos_m": ("f4", "B 21 3"),
-    "body/density": ("f4", "B"),
-    "beats/motion_s": ("f8", "Q"),
-    "clips/take": ("i4", "N"),
-    "clips/start_frame": ("i8", "N"),
-    "clips/style": ("f4", "N 32"),
-    "clips/beat_count": ("f4", "N"),
-    "sources/path": ("s", "C"),
-    "sources/sha256": ("s", "C"),
-    "sources/take": ("i4", "C"),
+DATASETS: dict[str, Dataset] = {
+    "skeleton/names": Dataset("s", "J"),
+    "skeleton/parents": Dataset("i8", "J", -1, "<J"),
+    "skeleton/offsets_m": Dataset("f8", "J 3", -_FAR_M, _FAR_M),
+    "skeleton/tip_parents": Dataset("i8", "E", 0, "<J"),
+    "skeleton/tips_m": Dataset("f8", "E 3", -_FAR_M, _FAR_M),
+    "takes/name": Dataset("s", "X"),
+    "takes/song_name": Dataset("s", "X"),
+    "takes/genre": Dataset("s", "X"),
+    "takes/performer": Dataset("s", "X"),
+    "takes/licence": Dataset("s", "X"),
+    "takes/source": Dataset("s", "X"),
+    "takes/notes": Dataset("s", "X"),
+    "takes/fps": Dataset("f8", "X", 1e-3, 1000),
+    "takes/motion_start": Dataset("i8", "X", 0, "M"),
+    "takes/motion_stop": Dataset("i8", "X", 0, "M"),
+    "takes/body_start": Dataset("i8", "X", 0, "B"),
+    "takes/body_stop": Dataset("i8", "X", 0, "B"),
+    "takes/beat_start": Dataset("i8", "X", 0, "Q"),
+    "takes/beat_stop": Dataset("i8", "X", 0, "Q"),
+    "motion/root_pos_m": Dataset("f4", "M 3", -_FAR_M, _FAR_M),
+    "motion/local_quat": Dataset("f4", "M J 4", -12, 12),
+    "body/pos_m": Dataset("f4", "B 21 3", -_FAR_M, _FAR_M),
+    "body/density": Dataset("f4", "B", -_FAR_M, _FAR_M),
+    "beats/motion_s": Dataset("f8", "Q", 0, _LONG_S),
+    "clips/take": Dataset("i4", "N", 0, "<X"),
+    "clips/start_frame": Dataset("i8", "N", 0, "B"),
+    "clips/style": Dataset("f4", "N 32", -_FAR_M, _FAR_M),
+    "clips/beat_count": Dataset("f4", "N", 0, _FAR_M),
+    "sources/path": Dataset("s", "C"),
+    "sources/sha256": Dataset("s", "C"),
+    "sources/take": Dataset("i4", "C", 0, "<X"),
     # The counts of the dancers and their figures. A take without counts has `count_start` = `count_stop`.
-    "takes/count_start": ("i8", "X"),
-    "takes/count_stop": ("i8", "X"),
-    "takes/metre": ("i8", "X"),
-    "takes/counts_source": ("s", "X"),
-    "takes/counts_confidence": ("f8", "X"),
-    "counts/time_s": ("f8", "U"),
-    "counts/number": ("i8", "U"),
-    "figures/take": ("i4", "F"),
-    "figures/name": ("s", "F"),
-    "figures/start_s": ("f8", "F"),
-    "figures/end_s": ("f8", "F"),
-    "figures/n_counts": ("i8", "F"),
+    "takes/count_start": Dataset("i8", "X", 0, "U"),
+    "takes/count_stop": Dataset("i8", "X", 0, "U"),
+    "takes/metre": Dataset("i8", "X", 0, 12),
+    "takes/counts_source": Dataset("s", "X"),
+    "takes/counts_confidence": Dataset("f8", "X", 0, 1),
+    "counts/time_s": Dataset("f8", "U", 0, _LONG_S),
+    "counts/number": Dataset("i8", "U", 0, 12),
+    "figures/take": Dataset("i4", "F", 0, "<X"),
+    "figures/name": Dataset("s", "F"),
+    "figures/start_s": Dataset("f8", "F", -_LONG_S, _LONG_S),
+    "figures/end_s": Dataset("f8", "F", -_LONG_S, _LONG_S),
+    "figures/n_counts": Dataset("i8", "F", 0, _COUNTED),
     **DERIVED,
-    "provenance": ("s", "1"),  # JSON
+    "provenance": Dataset("s", "1"),  # JSON
 }
 
 # The uncertainty of each count, if a network estimated counts from motion. Without it, all are certain.
-UNCERTAINTY: dict[str, tuple[str, str]] = {"counts/doubt": ("f4", "U")}
+UNCERTAINTY: dict[str, Dataset] = {"counts/doubt": Dataset("f4", "U", 0, 1)}
 
 # Poses and velocities in the root frame, if the file is not compressed. Those of one are made when read.
-POSES: dict[str, tuple[str, str]] = {"body/root_frame": ("f4", "B 2 21 3")}
+POSES: dict[str, Dataset] = {"body/root_frame": Dataset("f4", "B 2 21 3", -_FAR_M * 100, _FAR_M * 100)}
 
 # The part of the body of each joint, for rigs with unknown joint names.
-ROLES: dict[str, tuple[str, str]] = {"skeleton/roles": ("i8", "J")}
+ROLES: dict[str, Dataset] = {"skeleton/roles": Dataset("i8", "J", -1, 23)}
 
 # Motion words and motifs. A file has all of these or none. K motif, W word, G genre. They need the network
 # `words`.
-MOTIFS: dict[str, tuple[str, str]] = {
-    "motifs/embeddings": ("f4", "K 184"),
-    "motifs/words": ("i8", "K"),
-    "motifs/counts": ("i8", "K"),
-    "motifs/word_take": ("i4", "W"),
-    "motifs/word_start_s": ("f8", "W"),
-    "motifs/word_end_s": ("f8", "W"),
-    "motifs/word_motif": ("i4", "W"),
-    "motifs/genres": ("s", "G"),
-    "motifs/signatures": ("f8", "G K"),
-    "motifs/transitions": ("f8", "G K K"),
+MOTIFS: dict[str, Dataset] = {
+    "motifs/embeddings": Dataset("f4", "K 184", -_FAR_M, _FAR_M),
+    "motifs/words": Dataset("i8", "K", 0, "<W"),
+    "motifs/counts": Dataset("i8", "K", 1, "W"),
+    "motifs/word_take": Dataset("i4", "W", 0, "<X"),
+    "motifs/word_start_s": Dataset("f8", "W", 0, _LONG_S),
+    "motifs/word_end_s": Dataset("f8", "W", 0, _LONG_S),
+    "motifs/word_motif": Dataset("i4", "W", 0, "<K"),
+    "motifs/genres": Dataset("s", "G"),
+    "motifs/signatures": Dataset("f8", "G K", 0, 1.001),
+    "motifs/transitions": Dataset("f8", "G K K", 0, 1.001),
 }
 
 # Notes of the build, if there are any. O note.
-NOTES: dict[str, tuple[str, str]] = {
-    "notes/kind": ("s", "O"),
-    "notes/subject": ("s", "O"),
-    "notes/values": ("s", "O"),  # JSON
+NOTES: dict[str, Dataset] = {
+    "notes/kind": Dataset("s", "O"),
+    "notes/subject": Dataset("s", "O"),
+    "notes/values": Dataset("s", "O"),  # JSON
 }
 
 # Groups of datasets of which a file has all or none.
 OPTIONAL = {"uncertainty": UNCERTAINTY, "motifs": MOTIFS, "roles": ROLES, "notes": NOTES, "poses": POSES}
+_ALL = DATASETS | UNCERTAINTY | MOTIFS | ROLES | NOTES | POSES
 
 # A compressed file leaves these out. They are made from its motion when they are read (`body_positions`).
 MADE_WHEN_READ = ("body/pos_m",)
@@ -196,13 +212,6 @@ def rollout_names(names: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in net_names_in(names) if name.split("_")[0] == "rollout")
 
 
-# Attributes of the file itself.
-ATTRIBUTES = ("format", "version", "density")
-
-
-# The content of a repertoire file as plain data.
-
-
 @dataclass(frozen=True, eq=False)
 class NetArrays:
     """One network as plain data: its config and weights."""
@@ -211,19 +220,7 @@ class NetArrays:
     weights: dict[str, NDArray[Any]]
 
 
-@dataclass(frozen=True, eq=False)
-class Contents:
-    """Everything in a repertoire file."""
-
-    # By path: `DATASETS` without the provenance, and all or none of each group of `OPTIONAL`. Those of
-    # `DERIVED` are computed when they are written, if they are not given.
-    arrays: Mapping[str, Rows]
-    density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
-    provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
-    nets: Mapping[str, NetArrays] = field(default_factory=dict)
-
-
-def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
+def layout_of(names: Container[str]) -> dict[str, Dataset]:
     """The datasets of a file with these names: `DATASETS`, and those groups of `OPTIONAL` that it has."""
     layout = dict(DATASETS)
     for group in OPTIONAL.values():
@@ -234,7 +231,7 @@ def layout_of(names: Container[str]) -> dict[str, tuple[str, str]]:
 
 def shape_of(name: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
     """The shape of an array with axes of these lengths."""
-    return tuple(sizes[letter] if letter in sizes else int(letter) for letter in DATASETS[name][1].split())
+    return tuple(sizes[letter] if letter in sizes else int(letter) for letter in DATASETS[name].axes.split())
 
 
 def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
@@ -244,10 +241,9 @@ def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
     texts is known when they are read.
     """
     sizes: dict[str, int] = {}
-    for name, (_, axes) in layout_of(shapes).items():
-        if name not in shapes:
-            continue
-        letters, shape = axes.split(), shapes[name]
+    for name, shape in shapes.items():
+        axes = _ALL[name].axes
+        letters = axes.split()
         sizes |= {letter: int(letter) for letter in letters if letter.isdigit()}
         if len(shape) != len(letters) or any(
             sizes.setdefault(letter, n) != n for letter, n in zip(letters, shape, strict=True)
@@ -255,3 +251,174 @@ def axis_sizes(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, int]:
             known = ", ".join(f"{letter} = {sizes[letter]}" for letter in letters if letter in sizes)
             raise RepertoireError(f"{name}: expected ({axes}) with {known}, got {shape}")
     return sizes
+
+
+# Limits of stored arrays. Files of this program are 4 times as large when they are unpacked, and a dance
+# holds several copies of some arrays.
+FILTERS = (1, 2, 3)  # HDF5's numbers of deflate, shuffle and Fletcher's checksum
+FREE_BYTES = 1 << 26  # that may be unpacked from a file of any size
+UNPACKED_RATIO = 16  # largest ratio of all arrays to the file beyond that
+DEFLATE_RATIO = 1032  # the highest that deflate reaches. A file that claims more is damaged
+MAX_CHUNK_BYTES = 1 << 24
+MAX_WEIGHTS = 4096  # arrays of a network
+MAX_NETS = 64
+WEIGHTS = "weights"  # the kind of a network's arrays: see `StoredArray`
+_WEIGHT_DTYPES = tuple(np.dtype(kind) for kind in ("f2", "f4", "f8", "i8"))
+SUM_TOLERANCE = 1e-6
+_SHARES = ("motifs/signatures", "motifs/transitions")  # whose rows sum to 1
+
+_STEPS = (1e-9, 1.0)  # of a quantised array, lowest and highest
+# Its other attributes, which name the one encoding.
+ENCODING = {"order": DELTA_ORDER, "restart": DELTA_RESTART, "folded": True}
+
+
+@dataclass(frozen=True)
+class StoredArray:
+    """How an array is stored in a file, according to its header."""
+
+    name: str
+    dtype: np.dtype
+    is_quantised: bool
+    shape: tuple[int, ...]
+    chunk: tuple[int, ...]  # () if it is stored in one piece
+    filters: tuple[int, ...]
+    n_stored_bytes: int
+    is_elsewhere: bool  # in another file, or composed of other arrays
+
+    @property
+    def n_bytes(self) -> int:
+        """Size when unpacked."""
+        return math.prod(self.shape) * self.dtype.itemsize
+
+
+def check_stored(array: StoredArray, kind: str) -> None:
+    """Raise `RepertoireError` unless an array is complete and of a kind of the schema, or `WEIGHTS`."""
+    if kind == WEIGHTS:
+        dtypes = _WEIGHT_DTYPES
+    elif kind == "s":
+        dtypes = (np.dtype("u1"),)
+    elif array.is_quantised and array.name in QUANTISED:
+        dtypes = (np.dtype("i2"), np.dtype("u2"))
+    else:
+        dtypes = tuple(map(np.dtype, (kind, "f2") if array.name in HALF_PRECISION else (kind,)))
+    expected = " or ".join(str(dtype) for dtype in dtypes)
+    expect(array.dtype in dtypes, f"{array.name}: expected {expected}, got {array.dtype}")
+    expect(kind != "s" or len(array.shape) == 1, f"{array.name}: expected bytes of texts, got {array.shape}")
+    expect(not array.is_elsewhere, f"{array.name}: expected it in this file, got a part of another place")
+    unknown = set(array.filters) - set(FILTERS)
+    expect(not unknown, f"{array.name}: expected no compression or deflate, got HDF5 filters {array.filters}")
+    n_chunk_bytes = math.prod(array.chunk) * array.dtype.itemsize
+    expect(
+        n_chunk_bytes <= MAX_CHUNK_BYTES,
+        f"{array.name}: expected chunks of at most {MAX_CHUNK_BYTES:,} bytes, got {n_chunk_bytes:,}",
+    )
+    packed = DEFLATE_RATIO if array.filters else 1
+    expect(
+        array.n_bytes <= packed * array.n_stored_bytes,
+        f"{array.name}: expected all of {array.shape}, got {array.n_stored_bytes:,} bytes of it",
+    )
+
+
+def check_size(arrays: Iterable[StoredArray], n_file_bytes: int) -> None:
+    """Raise `RepertoireError` if the arrays are larger than compression can explain for the file size."""
+    n_bytes, limit = sum(array.n_bytes for array in arrays), FREE_BYTES + UNPACKED_RATIO * n_file_bytes
+    expect(n_bytes <= limit, f"expected at most {limit:,} bytes unpacked, got {n_bytes:,}")
+
+
+def check_text(name: str, texts: Sequence[str]) -> None:
+    """Raise `RepertoireError` if rows of text are too long for an array, in which each is as long."""
+    longest = max(map(len, texts), default=0)
+    expect(
+        4 * longest * len(texts) <= FREE_BYTES + UNPACKED_RATIO * sum(map(len, texts)),
+        f"{name}: expected names and notes, got {len(texts)} texts of up to {longest:,} characters",
+    )
+
+
+def check_finite(name: str, array: NDArray[Any]) -> None:
+    """Raise `RepertoireError` if an array has NaN or infinity."""
+    expect(bool(np.isfinite(array).all()), f"{name}: expected finite numbers, got NaN or infinity")
+
+
+def check_values(name: str, array: NDArray[Any], sizes: Mapping[str, int]) -> None:
+    """Raise `RepertoireError` if a number of an array is outside its range, or shares do not sum to 1.
+
+    `sizes` are those of the axes.
+    """
+    if array.size == 0:
+        return
+    _, _, low, high = _ALL[name]
+    highest = sizes[high.lstrip("<")] - high.startswith("<") if isinstance(high, str) else high
+    least, most = float(array.min()), float(array.max())  # NaN if there is one
+    expect(
+        least >= low and most <= highest,
+        f"{name}: expected values from {low:g} to {highest:g}, got {least:g} to {most:g}",
+    )
+    if name in _SHARES:
+        is_one = np.abs(array.sum(axis=-1) - 1.0) <= SUM_TOLERANCE
+        expect(bool(is_one.all()), f"{name}: expected shares that sum to 1, got others")
+
+
+def check_quantisation(name: str, attributes: Mapping[str, Any]) -> None:
+    """Raise `RepertoireError` if the step of an array is not valid, or its encoding is not `ENCODING`."""
+    (low, high), step = _STEPS, attributes.get("step")
+    expect(
+        isinstance(step, np.floating) and bool(low <= step <= high),
+        f"{name}: expected step from {low:g} to {high:g}, got {_short(step)}",
+    )
+    for key, expected in ENCODING.items():
+        value = attributes.get(key)
+        expect(
+            isinstance(value, np.integer | np.bool_) and bool(value == expected),
+            f"{name}: expected {key} {expected}, got {_short(value)}",
+        )
+
+
+def check_parts(name: str, start: NDArray[Any], stop: NDArray[Any], length: int, *, shortest: int) -> None:
+    """Raise `RepertoireError` unless the parts [start, stop) of takes cover an array in order."""
+    ends = np.concatenate([[0], stop])
+    expect(
+        len(stop) > 0
+        and bool((start == ends[:-1]).all() and ends[-1] == length and (stop - start >= shortest).all()),
+        f"takes/{name}_start and _stop: expected the {length} rows take by take, {shortest} or more each, "
+        "got gaps or overlaps",
+    )
+
+
+def check_provenance(provenance: Mapping[str, Any]) -> None:
+    """Raise `RepertoireError` unless the entries of a file's provenance that are used have their types."""
+    songs, weight = provenance.get("trained_on", []), provenance.get("selection_beat_weight", 0.0)
+    expect(
+        isinstance(songs, list) and all(isinstance(song, str) for song in songs),
+        f"provenance: expected a list of songs in trained_on, got {_short(songs)}",
+    )
+    expect(
+        isinstance(weight, int | float) and 0 <= weight <= _FAR_M,
+        f"provenance: expected a selection_beat_weight of 0 or more, got {_short(weight)}",
+    )
+
+
+def check_clips(take: NDArray[Any], start_frame: NDArray[Any], n_frames: NDArray[Any]) -> None:
+    """Raise `RepertoireError` unless clips (N,) lie inside their takes, of `n_frames` (X,) at 20 fps."""
+    expect(
+        bool((start_frame + CLIP_FRAMES <= n_frames[take]).all()),
+        f"clips: expected {CLIP_FRAMES} frames of a take each, got clips beyond the ends of takes",
+    )
+
+
+def check_counts(name: str, times_s: NDArray[Any], numbers: NDArray[Any], metre: int) -> None:
+    """Raise `RepertoireError` unless counts (Q,) of a take increase and are numbered in bars of the metre."""
+    lowest = 1 if metre else 0
+    expect(
+        bool((np.diff(times_s) > 0).all() and ((numbers >= lowest) & (numbers <= metre)).all()),
+        f"counts of {name!r}: expected increasing times, and numbers from {lowest} to {metre}, got others",
+    )
+
+
+def _short(value: Any) -> str:
+    return repr(value).replace("\n", " ")[:60]
+
+
+def expect(condition: bool, message: str) -> None:
+    """Raise `RepertoireError` with a message unless a condition holds."""
+    if not condition:
+        raise RepertoireError(message)

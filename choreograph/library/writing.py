@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,6 @@ from choreograph.core.errors import RepertoireError
 from choreograph.core.files import atomic_path
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_FRAMES, frames_to_seconds
 from choreograph.library.derived import middle_starts, with_derived
-from choreograph.library.joined_rows import JoinedRows, Rows
 from choreograph.library.schema import (
     DELTA_ORDER,
     DELTA_RESTART,
@@ -29,7 +28,6 @@ from choreograph.library.schema import (
     NETWORKS_FORMAT,
     QUANTISATION_STEPS,
     VERSION,
-    Contents,
     NetArrays,
     axis_sizes,
     delta_encode,
@@ -37,8 +35,22 @@ from choreograph.library.schema import (
     net_names_in,
     quantised,
 )
+from choreograph.library.store import JoinedRows, Rows
 from choreograph.motion.motion import Take
 from choreograph.nets.configs import STYLE_DIM
+
+
+@dataclass(frozen=True, eq=False)
+class Contents:
+    """Everything in a repertoire file."""
+
+    # By path: `DATASETS` without the provenance, and all or none of each group of `OPTIONAL`. Those of
+    # `DERIVED` are computed when they are written, if they are not given.
+    arrays: Mapping[str, Rows]
+    density: str  # which tempo-density `body/density` holds: "analytic" or "learned"
+    provenance: dict[str, Any]  # program version, seed, preset, losses, training and held-out songs
+    nets: Mapping[str, NetArrays] = field(default_factory=dict)
+
 
 # Takes and their features as arrays.
 
@@ -183,7 +195,7 @@ def write_repertoire(path: Path, contents: Contents, *, compress: bool = False) 
         file.attrs["version"] = VERSION
         file.attrs["density"] = np.bytes_(contents.density)
         arrays["provenance"] = np.array([json.dumps(contents.provenance, sort_keys=True)])
-        for name, (kind, _) in layout_of(arrays).items():
+        for name, (kind, *_) in layout_of(arrays).items():
             if compress and name in MADE_WHEN_READ:
                 continue
             array = arrays[name]

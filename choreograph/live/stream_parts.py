@@ -26,8 +26,7 @@ from choreograph.core.cache import Memory
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ, STORE_FPS, seconds_to_frames
 from choreograph.formats.register import save_motion
-from choreograph.library.builtin import as_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.live.changing import with_feet_locked
 from choreograph.live.stream import stay_behind

@@ -26,13 +26,7 @@ from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
-from choreograph.music.samples import (
-    Samples,
-    concatenated,
-    joined_samples,
-    peak_of,
-    sha256_of_samples,
-)
+from choreograph.music.samples import Samples, concatenated, joined_samples, peak_of, sha256_of_samples
 
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _MAX_BYTES = 4 << 20  # of what is known of files of songs in the cache

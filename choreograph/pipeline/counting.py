@@ -22,9 +22,8 @@ from choreograph.formats.register import is_motion, read_take
 from choreograph.formats.tables import write_counts
 from choreograph.formats.usd import ANIMATION_PATH, dance_stage, export_stage, mark_stage, require_usd
 from choreograph.formats.writer import GENERATOR
-from choreograph.library.building.counting import are_likely_right, load_motion_counter
 from choreograph.library.building.takes import measure_take
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import are_likely_right, load_motion_counter, pretrained_set
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.motion.motion import Take
 from choreograph.music.form import Form, letter_name

@@ -36,8 +36,7 @@ from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
 from choreograph.formats.targets import TargetName
-from choreograph.library.builtin import as_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.cameras import CameraMode, plan_cameras
 from choreograph.motion.motion import Motion

@@ -23,12 +23,7 @@ from choreograph.choreography.edits import (
 )
 from choreograph.choreography.enforcement import danced_motifs
 from choreograph.choreography.piece_bank import PieceBank, Surroundings
-from choreograph.choreography.pieces import (
-    Piece,
-    PieceRequest,
-    distinct,
-    ranked_pieces,
-)
+from choreograph.choreography.pieces import Piece, PieceRequest, distinct, ranked_pieces
 from choreograph.choreography.slots import resolve_bans
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, check_function, is_whole, unexpected
@@ -36,8 +31,7 @@ from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport
-from choreograph.library.builtin import as_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.pipeline.dancing import Dance

@@ -16,20 +16,14 @@ from choreograph.choreography.material import counts_of_genre
 from choreograph.choreography.mixer.words import WordBank
 from choreograph.choreography.rollout.engine import lead_in
 from choreograph.choreography.rollout.generation import asked_embeddings
-from choreograph.choreography.rollout.streaming import (
-    DanceStream,
-    FrameCondition,
-    MotifStream,
-    StreamedWord,
-)
+from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition, MotifStream, StreamedWord
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import is_whole, unexpected
 from choreograph.core.counts import Counts, count_phase
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import seconds_to_frames
-from choreograph.library.builtin import as_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.library.songs import DEFAULT_BEATS
 from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.music.frame_rhythm import RhythmStream

@@ -23,10 +23,9 @@ from choreograph.core.numerics import default_numerics
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
 from choreograph.library.building.takes import measure_take, segment_takes
-from choreograph.library.builtin import as_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.library.songs import names_a_tracker
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
 from choreograph.music.song import Song, as_song, check_span

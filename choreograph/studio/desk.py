@@ -14,29 +14,37 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.choreography.constraints import Keep
-from choreograph.choreography.edits import EditRequest
-from choreograph.core.errors import ParameterError
+from choreograph.choreography.edits import EditRequest, edit_slots
+from choreograph.choreography.pieces import PieceRequest
+from choreograph.core.errors import ChoreographError, NoPathError, ParameterError
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.repertoire import Repertoire, starter_repertoire
 from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
+from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.editing import edit
+from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.pipeline.figures import danced_figures
 from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.rendering import FirstPart, with_edit
-from choreograph.studio.facts import changed_spans, mannequin_facts, whole_facts
-from choreograph.studio.offers import Offers, pinned_part
-from choreograph.studio.project import Project, Span, Step
-from choreograph.studio.project_file import ProjectFile, opened, project_path
+from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data, whole_facts
+from choreograph.studio.project import (
+    SCENE_SETTINGS,
+    Project,
+    ProjectFile,
+    Settings,
+    Span,
+    Step,
+    checked_name,
+    opened,
+    project_path,
+)
 from choreograph.studio.refusals import ConflictError, NotFoundError
-from choreograph.studio.settings import SCENE_SETTINGS, Settings
-from choreograph.studio.shelf import Shelf
-from choreograph.studio.step_dances import StepDances
-from choreograph.studio.step_scenes import StagedScene, StepScenes
+from choreograph.studio.steps import StagedScene, StepDances, StepScenes
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +136,7 @@ class Desk:
             features = self._features(current.settings)
             self.state = replace(self.state, dance=dance, scene=scene, features=features)
         elif with_dance:
-            self.dance_again(self.project.revision, {}, report)
+            self.change_settings(self.project.revision, {}, report)
 
     # The dance and what is shown of it.
 
@@ -236,6 +244,7 @@ class Desk:
         self._saved(project, dance=made, scene=scene, changed=step.changed, features=features)
         self._dances.keep(step, made.motion)
 
+    @default_numerics()
     def change_settings(
         self,
         revision: int,
@@ -246,25 +255,9 @@ class Desk:
         span: Span | None = None,
         first: FirstPart | None = None,
     ) -> None:
-        """Change settings and make the dance again, if there is a song. Raises as `dance_again`."""
-        self.check(revision)
-        if self.state.song is None:
-            self._saved(self.project.with_settings(self.project.settings.changed(changes)))
-            return
-        self.dance_again(revision, changes, report, keep_locked=keep_locked, span=span, first=first)
+        """Change settings and make the dance again, all of it or a span, if there is a song.
 
-    @default_numerics()
-    def dance_again(
-        self,
-        revision: int,
-        changes: dict[str, Any],
-        report: ProgressReport | None = None,
-        *,
-        keep_locked: bool = True,
-        span: Span | None = None,
-        first: FirstPart | None = None,
-    ) -> None:
-        """Make the dance with some settings changed, all of it or a span. Locked parts are kept.
+        Locked parts are kept.
 
         A `first` part of a dance of which nothing is kept is shown before all is rendered.
 
@@ -272,8 +265,11 @@ class Desk:
         `choreograph.dance`.
         """
         self.check(revision)
-        song, project = self.song(), self.project
+        song, project = self.state.song, self.project
         settings = project.settings.changed(changes)
+        if song is None:
+            self._saved(project.with_settings(settings))
+            return
         if span is not None and not set(changes).isdisjoint(SCENE_SETTINGS):
             raise ParameterError(
                 "expected no part of the dance beside dancers, formation or relation, got one: name it in "
@@ -398,3 +394,125 @@ class Desk:
         """Keep the dance as version A or B."""
         self.current()
         self._saved(self.project.with_version(slot))
+
+
+# The repertoires that a studio can dance with.
+
+
+SUFFIX = ".h5"
+
+
+class Shelf:
+    """The repertoire of the command line, the built-in one, and those in the folder of the project."""
+
+    def __init__(self, given: Repertoire) -> None:
+        self.given = given.path.name
+        self._opened = {self.given: given}
+
+    def names(self, folder: Path) -> list[str]:
+        """The names of all repertoires, the one of the command line first."""
+        beside = sorted(path.name for path in folder.glob(f"*{SUFFIX}") if path.is_file())
+        return list(dict.fromkeys([self.given, STARTER_PATH.name, *beside]))
+
+    def open(self, name: str, folder: Path) -> Repertoire:
+        """A repertoire by its name, or that of the command line without one.
+
+        Raises `NotFoundError` if there is none of this name, and `RepertoireError` if it is damaged.
+        """
+        name = name or self.given
+        if name not in self._opened:
+            self._opened[name] = _opened(name, folder)
+        return self._opened[name]
+
+
+def _opened(name: str, folder: Path) -> Repertoire:
+    if name == STARTER_PATH.name:
+        return starter_repertoire()
+    try:
+        path = folder / checked_name(name, [SUFFIX])
+    except ChoreographError:
+        path = folder
+    if not path.is_file():
+        raise NotFoundError(
+            f"expected the repertoire {name[:80]} in the folder of the project, got no such file: open the "
+            "studio with --db"
+        )
+    return Repertoire.open(path)
+
+
+# Alternatives to a part of the dance.
+
+
+_BESIDE_S = 0.5  # of the dance on either side of an alternative
+_MOST = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """An alternative that was shown."""
+
+    revision: int  # of the dance that it changes
+    edit: PlannedEdit
+    why: str
+
+
+class Offers:
+    """The alternatives that were shown last."""
+
+    def __init__(self) -> None:
+        self._by_id: dict[str, Offer] = {}
+
+    def found(
+        self, dance: Dance, repertoire: Repertoire, revision: int, span: Span, n: int
+    ) -> list[dict[str, Any]]:
+        """What else could be danced in a span, with the motion of the span and half a second beside it.
+
+        Raises as `Session.alternatives`.
+        """
+        if not 1 <= n <= _MOST:
+            raise ParameterError(f"expected 1 to {_MOST} alternatives, got {n}")
+        found = alternatives(dance, repertoire, span, n)
+        self._by_id = {
+            f"{revision}-{index}": Offer(revision, one.dance.plan.edits[-1], one.why)
+            for index, one in enumerate(found)
+        }
+        return [_shown(id, one) for id, one in zip(self._by_id, found, strict=True)]
+
+    def chosen(self, revision: int, id: str) -> Offer:
+        """An alternative that was shown. Raises `NotFoundError` if none of this id is of the revision."""
+        offer = self._by_id.get(id)
+        if offer is None or offer.revision != revision:
+            raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
+        return offer
+
+
+def _shown(id: str, one: Alternative) -> dict[str, Any]:
+    """An alternative as the page gets it."""
+    motion, fps = one.dance.motion, one.dance.motion.fps
+    first = max(0, round((one.start_s - _BESIDE_S) * fps))
+    part = motion.sliced(first, min(motion.n_frames, round((one.end_s + _BESIDE_S) * fps)))
+    words = one.dance.plan.edits[-1].words
+    middle = words[len(words) // 2]
+    return {
+        "id": id, "start_s": one.start_s, "end_s": one.end_s, "from_s": first / fps,
+        "cost": round(one.cost, 4), "costs": one.costs, "why": one.why,
+        "take": middle.take, "genre": middle.credits.genre,
+        **motion_data(part, small=True),
+    }  # fmt: skip
+
+
+def pinned_part(
+    dance: Dance, repertoire: Repertoire, span: Span, take: str, source_s: float
+) -> tuple[PlannedEdit, str]:
+    """The edit that dances a take in a span, from the count nearest to a time of the take, and its request.
+
+    Raises `RepertoireError` for an unknown take, and `NoPathError` if the take cannot be danced there.
+    """
+    editor = Editor(dance, repertoire, (), 0)
+    wanted = PieceRequest((repertoire.take_index(take),), pinned=True)
+    slots, found = editor.pieces(edit_slots(*span, editor.bounds_s), wanted)
+    if not found:
+        raise NoPathError(f"{take} cannot be danced there on counts, at half to twice its speed")
+    best = min(found, key=lambda piece: abs(piece.words[slots.before].source_start_s - source_s))
+    request = f"pin {span[0]:g}-{span[1]:g}=take:{take}"
+    return planned_edit(best, request), request

@@ -1,14 +1,21 @@
-"""Files of the dance or a part of it, in every format that `choreograph dance` writes."""
+"""What the studio writes beside its project: files of the dance, and repertoires that it builds.
+
+A dance, or a part of it, is written in every format of `choreograph dance`. Repertoires are built in a
+process of their own, so that the studio goes on, and with their log.
+"""
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import zipfile
+from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
 from choreograph.characters.gltf_character import GltfCharacter
 from choreograph.core.arguments import check_choice
-from choreograph.core.errors import ParameterError
+from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.formats import output_formats
@@ -16,8 +23,12 @@ from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.figures import figures_from
 from choreograph.pipeline.saving import SavedParts, options_used, save_dance
 from choreograph.pipeline.scenes import scene_paths
+from choreograph.studio.jobs import Job
 from choreograph.studio.project import Span
-from choreograph.studio.step_scenes import StagedScene
+from choreograph.studio.steps import StagedScene
+
+# Files of the dance.
+
 
 NAMES = {"usd": "usdc"}  # what pages ask for, and the suffix
 EXPORTED = (  # that pages offer
@@ -138,3 +149,45 @@ def _part(path: Path, dance: Dance, span: Span) -> Dance:
         music_beats_s=tuple(s for s, _ in inside), music_beat_numbers=numbers,
     )  # fmt: skip
     return replace(dance, motion=motion, plan=plan, figures=figures_from(dance.figures, start_s))
+
+
+# Builds of repertoires.
+
+
+def build(takes: Path, output: Path, preset: str, job: Job) -> None:
+    """Build a repertoire from the files of a folder, as `choreograph build-db` does.
+
+    Raises `ChoreographError` with the last line of the log if the build fails. A job that is cancelled ends
+    the process.
+    """
+    job.report("building the repertoire", 0, 0)
+    _run(["build-db", str(takes), "-o", str(output), "--preset", preset, "--skip-bad"], takes, job)
+
+
+def check_takes(takes: Path, job: Job) -> None:
+    """Check the files of a folder, as `choreograph build-db --check` does. Its table is in the log."""
+    job.report("checking the takes", 0, 0)
+    _run(["build-db", str(takes), "--check"], takes, job)
+
+
+def _run(arguments: list[str], takes: Path, job: Job) -> None:
+    command = [sys.executable, "-m", "choreograph", *arguments]
+    last: deque[str] = deque([""], maxlen=1)
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        encoding="utf-8", errors="replace", cwd=takes.parent,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        for line in process.stdout:
+            if text := line.rstrip().replace(f"{takes}/", ""):
+                last.append(text)
+                job.say(text)
+    finally:
+        if process.poll() is None:
+            process.terminate()
+        status = process.wait()
+    if status != 0:
+        raise ChoreographError(
+            last[0].removeprefix("choreograph: ") or f"the build ended with status {status}"
+        )

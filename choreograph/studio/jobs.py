@@ -11,11 +11,12 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from choreograph.core.errors import ChoreographError
 from choreograph.studio.refusals import NotFoundError
 
+_Result = TypeVar("_Result")
 _LOG = logging.getLogger("choreograph.studio")
 _KEPT = 24  # finished jobs, the latest
 _LOG_LINES = 400  # of one job, the latest
@@ -97,15 +98,15 @@ class Jobs:
         self._lock = threading.Lock()
         self._threads: dict[str, ThreadPoolExecutor] = {}
 
-    def start(self, kind: str, work: Callable[[Job], Any], *, lane: str = "dances") -> Job:
+    def start(self, kind: str, work: Callable[[Job], object], *, lane: str = "dances") -> Job:
         """Begin a job. `work` gets it, reports to it, and returns its result (JSON)."""
         return self._queued(kind, work, lane)[0]
 
-    def do(self, kind: str, work: Callable[[Job], Any]) -> Any:
+    def do(self, kind: str, work: Callable[[Job], _Result]) -> _Result:
         """Do something short in the order of the jobs. Returns its result, or raises its error."""
         return self._queued(kind, work, "dances")[1].result()
 
-    def _queued(self, kind: str, work: Callable[[Job], Any], lane: str) -> tuple[Job, Future[Any]]:
+    def _queued(self, kind: str, work: Callable[[Job], _Result], lane: str) -> tuple[Job, Future[_Result]]:
         job = Job(secrets.token_hex(8), kind, on_change=self._on_change)
         with self._lock:
             self._jobs[job.id] = job
@@ -141,7 +142,7 @@ class Jobs:
             self._threads.clear()
 
 
-def _worked(job: Job, work: Callable[[Job], Any]) -> Any:
+def _worked(job: Job, work: Callable[[Job], _Result]) -> _Result:
     job.report(job.stage, 0, 0)
     return work(job)
 

@@ -1,11 +1,13 @@
-"""The project of a song: every dance that was made for it, as steps that can be undone, and locked parts.
+"""The project of a song: settings, every dance that was made for it, locked parts, and its file.
 
-Steps form a tree. A step either has a whole plan, or adds edits to the plan of an earlier step. The path
-leads through the steps that undo and redo visit. Versions may be steps that the path has left. A project is
-never changed: each change returns another one.
+Dances are steps that can be undone. Steps form a tree. A step either has a whole plan, or adds edits to the
+plan of an earlier step. The path leads through the steps that undo and redo visit. Versions may be steps that
+the path has left. A project is never changed: each change returns another one.
 
 The size of a project is limited, so that a small file cannot take much memory. Of a larger one, the oldest
 steps of the path are left out.
+
+The file of a project is written as a whole after each change, and locked while a studio works with it.
 """
 
 from __future__ import annotations
@@ -13,18 +15,140 @@ from __future__ import annotations
 import base64
 import binascii
 import json
+import os
+import re
 import reprlib
 import zlib
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from shutil import copyfile
 from typing import Any, Literal
 
-from choreograph.core.arguments import is_number, is_whole
+from choreograph.choreography.formations import FORMATIONS
+from choreograph.choreography.schedule import parse_schedule
+from choreograph.core.arguments import check_choice, check_text, is_number, is_whole, unexpected
 from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import without_garbage_collection
+from choreograph.core.files import (
+    atomic_path,
+    check_target,
+    free_names,
+    locked_folder,
+    read_bytes,
+    sha256_of,
+    without_garbage_collection,
+)
+from choreograph.core.settings import changed as changed_settings
+from choreograph.pipeline.scene_planning import SceneRequest, dancer_names
 from choreograph.plan.plan import Plan, PlannedEdit, faults_of_edit, plan_text, read_edit
-from choreograph.studio.settings import Settings
+from choreograph.plan.scenes import MOST_DANCERS
+from choreograph.settings import DanceConfig
+from choreograph.studio.refusals import UnknownTypeError
+
+# The settings of a dance, or of several dancers.
+
+
+ENGINES = ("graph", "mixer", "rollout")
+RELATIONS = ("unison", "mirror", "canon:2", "canon:4", "canon:8", "call-and-response", "free")  # for pages
+SCENE_SETTINGS = ("dancers", "formation", "relation")  # which leave the dance of the leader as it is
+_TEXTS = ("bans", "formation", "relation")
+_MOST_TEXTS, _LONGEST_TEXT = 200, 100  # of formations or relations
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The settings of a dance that the studio changes, named as in `DanceConfig`, with the requests."""
+
+    engine: str = "graph"
+    seed: int = 0
+    genre: str | None = None  # that is danced, or None for what suits the song
+    dynamics: float = 1.0
+    front: str = "audience"
+    stage: str = "near"
+    weights: Mapping[str, float] = field(default_factory=dict)  # of costs, instead of the defaults
+    repertoire: str = ""  # name of the file of the takes that are danced
+    bans: tuple[str, ...] = ()  # such as "take:house-01"
+    dancers: int = 1
+    formation: tuple[str, ...] = ("v",)  # of several dancers: VALUE, or WHEN=VALUE for a part of the song
+    relation: tuple[str, ...] = ("unison",)  # as well
+
+    def changed(self, changes: Mapping[str, Any]) -> Settings:
+        """The settings with some changed, as JSON states them. `weights` are added to the others.
+
+        A weight of None is the default again. Raises `ParameterError` for a name or value that is not valid.
+        """
+        known = [one.name for one in fields(Settings)]
+        for name in changes:
+            if name not in known:
+                raise ParameterError(f"expected settings among {', '.join(known)}, got {name[:80]!r}")
+        new = dict(changes)
+        if "weights" in new:
+            if not isinstance(new["weights"], Mapping):
+                got = reprlib.repr(new["weights"])
+                raise ParameterError(f"expected weights as numbers by name, got {got}")
+            weights = {**self.weights, **new["weights"]}
+            new["weights"] = {name: weight for name, weight in weights.items() if weight is not None}
+        for name in _TEXTS:
+            if name in new:
+                new[name] = _texts(name, new[name])
+        made = replace(self, **new)
+        check_choice("engine", made.engine, ENGINES)
+        if not (made.genre is None or isinstance(made.genre, str)):
+            raise ParameterError(f"expected a genre by name, got {reprlib.repr(made.genre)}")
+        check_text("a repertoire by name", made.repertoire)
+        if not is_whole(made.dancers) or not 1 <= made.dancers <= MOST_DANCERS:
+            raise unexpected(f"1 to {MOST_DANCERS} dancers", made.dancers)
+        for entry in parse_schedule("formation", made.formation, "v"):
+            check_choice("a formation", entry.value, FORMATIONS)  # and no file, whose name a page would send
+        made.scene_request()
+        made.config()
+        return made
+
+    def config(self) -> DanceConfig:
+        """The settings of a dance. Raises `ParameterError` for a value that is not valid."""
+        names = ("engine", "seed", "dynamics", "front", "stage", "weights")
+        return changed_settings(DanceConfig(), {name: getattr(self, name) for name in names})
+
+    def dance_config(self) -> DanceConfig:
+        """The settings of a dance, without weights if the engine has no built-in costs."""
+        config = self.config()
+        return config if self.engine == "graph" else replace(config, weights={})
+
+    def scene_request(self) -> SceneRequest:
+        """The dancers, formations and relations. Raises `ParameterError` if a text is not valid."""
+        return SceneRequest.of(dancer_names(self.dancers), self.formation, self.relation)
+
+    def of_dancer(self, index: int) -> Settings:
+        """The settings of the dance that a dancer has for itself, in a relation without others."""
+        usual = {name: getattr(Settings, name) for name in SCENE_SETTINGS}
+        return replace(self, seed=self.seed + index, **usual)
+
+    def to_data(self) -> dict[str, Any]:
+        """The settings as JSON. Those of several dancers are left out where they are the defaults."""
+        data = asdict(self)
+        return {
+            name: data[name]
+            for name in data
+            if name not in SCENE_SETTINGS or data[name] != getattr(Settings, name)
+        }
+
+
+def _texts(name: str, given: object) -> tuple[str, ...]:
+    """A list of texts. Raises `ParameterError` for anything else, and for far too many of them."""
+    if not isinstance(given, list | tuple) or not all(isinstance(one, str) for one in given):
+        raise ParameterError(f"expected {name} as a list of texts, got {reprlib.repr(given)}")
+    is_long = len(given) > _MOST_TEXTS or any(len(one) > _LONGEST_TEXT for one in given)
+    if name in SCENE_SETTINGS and is_long:
+        raise ParameterError(
+            f"expected at most {_MOST_TEXTS} texts of {_LONGEST_TEXT} characters as {name}, got more"
+        )
+    return tuple(given)
+
+
+# The steps of a project.
+
 
 FORMAT = "choreograph-studio"
 VERSION = 1
@@ -395,3 +519,113 @@ def _unpacked(base: str, where: str = "") -> str:
         raise FormatError(f"{where}expected a plan in base64, got another text: {error}") from None
     except (zlib.error, UnicodeDecodeError) as error:
         raise FormatError(f"{where}expected a compressed plan, got damaged bytes: {error}") from None
+
+
+# The file of a project.
+
+
+SUFFIX = ".studio.json"
+_LONGEST_NAME_BYTES = 160
+_NOT_IN_NAMES = re.compile(
+    r'[\x00-\x1f\x7f-\x9f\u2028\u2029/\\:*?"<>|]|^\.|\.$|^\s|\s$'
+    r"|^(con|prn|aux|nul|com\d|lpt\d)(\.|$)",  # devices on Windows
+    re.IGNORECASE,
+)
+
+
+class ProjectFile:
+    """The file of one project, which no other process can use until `close`.
+
+    If its path is a link, the file is the one that the link leads to, and the link stays as it is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Lock the file. Raises `ChoreographError` if another process works with it."""
+        self.path = path
+        self.real = check_target(os.path.realpath(path))
+        self._open = ExitStack()
+        lock = self.real.with_name(f".{self.real.name}.lock")
+        self._open.enter_context(locked_folder(lock, doing=f"works on {path.name} in the studio"))
+
+    def read(self) -> Project | None:
+        """The project in the file, or None if there is no file. Raises `FormatError` if it is damaged."""
+        if not os.path.lexists(self.real):
+            return None
+        data = read_bytes(self.real, "a project of the studio", max_bytes=MOST_BYTES)
+        return project_from_json(data, self.path.name)
+
+    def write(self, project: Project) -> None:
+        """Replace the file. Raises `ChoreographError` if it cannot be written. The old one is then kept."""
+        with (
+            atomic_path(self.real) as temporary,
+            open(temporary, "w", encoding="utf-8", newline="\n") as file,
+        ):
+            file.write(project.to_json())
+            file.flush()
+            os.fsync(file.fileno())
+
+    def close(self) -> None:
+        """Let other processes work with the file."""
+        self._open.close()
+
+
+def opened(path: Path, song: str, already: ProjectFile | None) -> tuple[ProjectFile, Project | None]:
+    """The locked file of a project, and the project of this song in it, or None if there is no file yet.
+
+    `already` is the file that is open. Raises as `ProjectFile`, and `FormatError` if the file is damaged or
+    of another song.
+    """
+    is_open = already is not None and already.real == Path(os.path.realpath(path))
+    file = already if is_open and already is not None else ProjectFile(path)
+    try:
+        project = file.read()
+        if project is not None and project.song != song:
+            raise FormatError(f"{path}: expected a project of {song}, got one of {project.song!r}")
+    except FormatError:
+        if not is_open:
+            file.close()
+        raise
+    return file, project
+
+
+def project_path(song: Path) -> Path:
+    """The project file of a song, beside it."""
+    return song.with_name(f"{song.stem}{SUFFIX}")
+
+
+# Files that pages send. Their names are names in the folder of the project, and never paths.
+
+
+def checked_name(name: str, suffixes: Iterable[str]) -> str:
+    """The name of a file that a page has sent.
+
+    Raises `ParameterError` for a path or a name that is not usable on all systems, and `UnknownTypeError` for
+    another suffix.
+    """
+    if not name or _NOT_IN_NAMES.search(name) or len(name.encode(errors="replace")) > _LONGEST_NAME_BYTES:
+        raise ParameterError(f"expected a plain name of a file, got {name[:80]!r}")
+    known = tuple(suffixes)
+    if not name.lower().endswith(known):
+        raise UnknownTypeError(f"expected a file among {', '.join(known)}, got {name[:80]!r}")
+    return name
+
+
+def placed(sent: Path, folder: Path, is_taken: Callable[[Path], bool] = lambda path: False) -> Path:
+    """Move a file into a folder, under a free name beside other files of its name. Returns its path.
+
+    A file of the same content is used instead, and a free name must not be taken for another reason.
+    Raises `ChoreographError` if it cannot be written.
+    """
+    checksum = sha256_of(sent)
+
+    def is_other(path: Path) -> bool:
+        if not os.path.lexists(path):
+            return is_taken(path)
+        return not (path.is_file() and sha256_of(path) == checksum)
+
+    [target] = free_names([folder / sent.name], is_other)
+    if not target.exists():
+        with atomic_path(target) as temporary:
+            copyfile(sent, temporary)
+    sent.unlink()
+    return target

@@ -34,6 +34,11 @@ class TooLargeError(Refusal):
 
     status = 413
 
+    def __init__(self, most: int) -> None:
+        """`most` is the number of bytes that it may have."""
+        size = f"{most >> 20} MiB" if most >= 1 << 20 else f"{most} bytes"
+        super().__init__(f"expected at most {size} in this request, got more or an unknown length")
+
 
 class UnknownTypeError(Refusal):
     """A file whose name has a suffix that is not read here."""

@@ -22,13 +22,11 @@ from choreograph.core.files import locked_folder
 from choreograph.library.repertoire import Repertoire
 from choreograph.plan.scenes import MOST_DANCERS
 from choreograph.studio.desk import Desk
-from choreograph.studio.explain import weight_choices
 from choreograph.studio.exports import EXPORTED, exports_of_each
-from choreograph.studio.facts import character_facts
+from choreograph.studio.facts import Palette, character_facts, weight_choices
 from choreograph.studio.jobs import Job, Jobs
-from choreograph.studio.palette import Palette
-from choreograph.studio.project import EditKind
-from choreograph.studio.settings import ENGINES, RELATIONS
+from choreograph.studio.project import ENGINES, RELATIONS, EditKind
+from choreograph.studio.refusals import NotFoundError
 from choreograph.view.page_data import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
@@ -174,6 +172,12 @@ class Service:
         bones = {joint: character.rig.names[bone] for joint, bone in character.bones.items()}
         self.desk.keep_character(path.name if beside else "", bones)
         self.character = character
+
+    def shown_character(self) -> GltfCharacter:
+        """The character that is shown. Raises `NotFoundError` if there is none."""
+        if self.character is None:
+            raise NotFoundError("expected a character, got none yet: send one first")
+        return self.character
 
     def restore_character(self) -> None:
         """Show the character of the project, unless another is shown or its file is missing."""

@@ -19,8 +19,7 @@ from choreograph.core.numerics import Floats, chi_square_distance
 from choreograph.core.progress import counted
 from choreograph.formats.writer import GENERATOR
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import ALL_GENRES, Vocabulary, signature
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad
 from choreograph.motion.motion import Motion
 from choreograph.view.strip import write_strip

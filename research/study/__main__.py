@@ -14,6 +14,7 @@ from choreograph.cli.declared import (
     Given,
     Input,
     Output,
+    Seconds,
     after_at,
     argument,
     is_stdout,
@@ -21,13 +22,12 @@ from choreograph.cli.declared import (
     option,
 )
 from choreograph.cli.present import examples, printable, say, stages, table_console
-from choreograph.cli.times import Seconds
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, check_target
 from choreograph.core.progress import counted
 from choreograph.evaluation.songs import find_songs
 from choreograph.evaluation.variants import variants_named
-from choreograph.library.builtin import as_repertoire
+from choreograph.library.repertoire import as_repertoire
 from choreograph.studio.ratings import KEY_NAME
 from research.study.results import Difference, Score, StudyResults, read_study
 from research.study.writing import (

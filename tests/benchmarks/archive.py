@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 import choreograph as cg
 from choreograph.formats.register import save_motion
 from choreograph.library.builtin import STARTER_PATH
-from choreograph.library.schema import Contents, layout_of
+from choreograph.library.schema import layout_of
 from choreograph.library.store import RepertoireFile
-from choreograph.library.writing import write_repertoire, write_texts
+from choreograph.library.writing import Contents, write_repertoire, write_texts
 
 STYLE_STD = 0.01  # of each of 32 numbers of a vector of length 1
 SIZE_STD = 0.03
@@ -64,7 +64,7 @@ def make_library(path: Path, n_clips: int, *, seed: int = 0) -> None:
     with h5py.File(base) as old, h5py.File(path, "w", libver=("v110", "v110")) as new:
         new.attrs.update(old.attrs)
         old.copy("nets", new)
-        for name, (kind, axes) in layout_of(file.names).items():
+        for name, (kind, axes, *_) in layout_of(file.names).items():
             array = file.read(name)
             if axes in OF_FILE:
                 old.copy(name, new, name) if "/" in name else old.copy(name, new)

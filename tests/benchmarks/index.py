@@ -113,7 +113,7 @@ def main() -> None:
     parser.add_argument("--method", choices=METHODS)
     options = parser.parse_args()
     if options.base is None:
-        from choreograph.library.builtin import starter_repertoire
+        from choreograph.library.repertoire import starter_repertoire
 
         options.base = Path("build/styles.npy")
         options.base.parent.mkdir(exist_ok=True)

@@ -25,7 +25,7 @@ import numpy as np
 import soundfile
 
 from choreograph.formats.register import save_motion
-from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.live.osc import messages_of
 from choreograph.motion.motion import Motion
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.skeleton import canonical_skeleton

@@ -22,8 +22,7 @@ from choreograph.choreography.graph.segments import ClipTable, LayerSource
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import Counts
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, starter_repertoire
 from choreograph.library.writing import write_repertoire
 from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures, music_density

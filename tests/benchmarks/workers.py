@@ -28,10 +28,10 @@ def measured(kind: str, takes: Path) -> dict[str, Any]:
     start, own_s = time.perf_counter(), _cpu_s()
     from choreograph.core.cache import caching
     from choreograph.core.workers import working
-    from choreograph.library.building.counting import Counting, load_motion_counter
+    from choreograph.library.building.counting import Counting
     from choreograph.library.building.options import BuildOptions
     from choreograph.library.building.takes import measured_takes
-    from choreograph.library.builtin import pretrained_set
+    from choreograph.library.builtin import load_motion_counter, pretrained_set
     from choreograph.library.songs import SongCache
 
     options = BuildOptions(skip_bad=True)

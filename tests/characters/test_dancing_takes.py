@@ -15,7 +15,7 @@ from synthetic_characters import CHARACTERS, write_character
 from choreograph.characters.gltf_character import read_character
 from choreograph.characters.performance import perform
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
-from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from synthetic_rollouts import BEAT_S, synthetic_motion, synthetic_takes, synthetic_words
 
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout_poses import ROLLOUT_FPS, PosePredictor

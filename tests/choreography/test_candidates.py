@@ -20,7 +20,7 @@ from choreograph.choreography.graph.candidates import (
 )
 from choreograph.core.counts import Counts, make_counts
 from choreograph.core.errors import NoPathError
-from choreograph.library.take_counts import TakeTempi
+from choreograph.library.clips import TakeTempi
 
 DURATION_S = 12.0
 FEWEST = _FEWEST_OF_METRE

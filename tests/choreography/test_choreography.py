@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from choreograph.choreography.motif_sequences import NEEDS, draw_motifs
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.words import signature, template, transition_matrix
+from choreograph.library.vocabulary import signature, template, transition_matrix
 
 K = 8
 

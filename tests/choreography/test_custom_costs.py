@@ -13,7 +13,7 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 import choreograph as cg
 from choreograph.choreography.graph.layers import WordLayers
 from choreograph.core.timebase import NET_FPS
-from choreograph.library.words import poses_at
+from choreograph.library.vocabulary import poses_at
 from choreograph.motion.body import body_pos_m, ground_pos_m, heading_rad, to_root_frame
 from choreograph.music.form import Form, Phrase, Sections
 

@@ -8,7 +8,7 @@ from choreograph.choreography.rollout import generation
 from choreograph.choreography.rollout.generation import MotifSequence, generate_motion, generate_poses
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.skeleton import Skeleton

@@ -7,8 +7,7 @@ import pytest
 
 from choreograph.choreography.motif_sequences import motif_goal
 from choreograph.core.errors import ParameterError
-from choreograph.library.motifs import find_motifs
-from choreograph.library.vocabulary import make_vocabulary
+from choreograph.library.vocabulary import find_motifs, make_vocabulary
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ from choreograph.core.timebase import STORE_FPS
 from choreograph.evaluation.danced_counts import counted_share, danced_counts
 from choreograph.evaluation.metrics.counts import signed_errors_beats
 from choreograph.evaluation.metrics.endings import closing_speed_m_s, opening_speed_m_s
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 
 pytestmark = pytest.mark.slow

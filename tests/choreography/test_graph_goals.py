@@ -12,8 +12,8 @@ import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.words import dance_bounds_s, signature
+from choreograph.library.repertoire import starter_repertoire
+from choreograph.library.vocabulary import dance_bounds_s, signature
 from choreograph.library.writing import write_repertoire
 
 pytestmark = pytest.mark.slow

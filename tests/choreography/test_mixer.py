@@ -19,7 +19,7 @@ from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.music.danced_span import coming_to_rest_s
 from choreograph.music.synthesis.song import write_song

@@ -24,7 +24,7 @@ from choreograph.choreography.graph.planners import plan_exact, plan_greedy
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.counts import make_counts
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.words import signature
+from choreograph.library.vocabulary import signature
 
 BUILTIN = plain_costs()
 K = 5

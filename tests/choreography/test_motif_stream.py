@@ -6,9 +6,8 @@ import pytest
 from choreograph.choreography.rollout.streaming import MotifStream
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.vocabulary import ALL_GENRES
-from choreograph.library.words import signature
+from choreograph.library.repertoire import starter_repertoire
+from choreograph.library.vocabulary import ALL_GENRES, signature
 
 pytestmark = pytest.mark.slow
 

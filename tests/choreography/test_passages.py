@@ -29,10 +29,8 @@ from choreograph.choreography.slots import resolve
 from choreograph.core.counts import UNKNOWN, make_counts, numbers_in_bar
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics.structure import n_gram_share
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.motifs import find_motifs
-from choreograph.library.vocabulary import make_vocabulary
-from choreograph.library.words import signature
+from choreograph.library.repertoire import starter_repertoire
+from choreograph.library.vocabulary import find_motifs, make_vocabulary, signature
 from choreograph.music.form import Form, Phrase, Sections
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures

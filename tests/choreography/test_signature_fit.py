@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.choreography.selection import clip_signature_mismatch
-from choreograph.library.motifs import find_motifs
-from choreograph.library.vocabulary import make_vocabulary
+from choreograph.library.vocabulary import find_motifs, make_vocabulary
 
 CLIP_TAKE = np.repeat([0, 1, 2], 13)
 CLIP_START_S = np.tile(np.arange(13.0), 3)

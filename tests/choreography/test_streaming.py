@@ -9,7 +9,7 @@ from synthetic_rollouts import BEAT_S, motif_sequence, synthetic_motion
 from choreograph.choreography.rollout.generation import generate_motion
 from choreograph.choreography.rollout.streaming import DanceStream, FrameCondition, StagePath
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.nets.rollout_poses import LOOKAHEAD_FRAMES, ROLLOUT_FPS, to_poses

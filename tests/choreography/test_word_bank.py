@@ -8,7 +8,7 @@ from synthetic_repertoire import synthetic_repertoire
 
 import choreograph as cg
 from choreograph.choreography.mixer.words import WordBank
-from choreograph.library.words import poses_at
+from choreograph.library.vocabulary import poses_at
 
 
 @pytest.fixture(scope="module")

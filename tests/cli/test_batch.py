@@ -12,10 +12,9 @@ import pytest
 from command_line import assert_one_line, run
 from schedulers import scheduler_with_workers
 
+from choreograph.cli.dance import Job, SongDances, _Sent, _with_files_inside
 from choreograph.cli.dance import command as dance
-from choreograph.cli.dance_jobs import Job
 from choreograph.cli.dance_options import DanceOptions, FileOptions, options_of
-from choreograph.cli.dance_songs import SongDances, _Sent, _with_files_inside
 from choreograph.core.clusters import Cluster
 from choreograph.core.staging import on_staged, sent_files, staged
 from choreograph.formats.bvh import read_bvh

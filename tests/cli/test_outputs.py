@@ -17,7 +17,7 @@ from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
 import choreograph as cg
-from choreograph.cli.dance_jobs import Job, jobs_of, with_free_names
+from choreograph.cli.dance import Job, jobs_of, with_free_names
 from choreograph.cli.declared import Changed, Input, Output
 from choreograph.formats.register import save_motion
 from choreograph.pipeline.saving import is_saved_dance

@@ -10,13 +10,15 @@ from synthetic_counts import counted
 
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Figure
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.library.building.counting import (
+from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
+from choreograph.library.builtin import (
     MAX_MOTION_UNCERTAINTY,
     MOTION_NET,
-    SURE_MOTION_CONFIDENCE,
+    PRETRAINED,
     load_motion_counter,
+    pretrained_path,
+    pretrained_set,
 )
-from choreograph.library.builtin import PRETRAINED, pretrained_path, pretrained_set
 from choreograph.library.schema import NetArrays
 from choreograph.library.store import read_networks
 from choreograph.library.writing import write_networks

@@ -16,7 +16,7 @@ from choreograph.core.timebase import WORD_FPS
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.evaluation.metrics.physical import floor_penetration_cm
 from choreograph.library.builtin import STARTER_PATH
-from choreograph.library.words import segment_words, signature
+from choreograph.library.vocabulary import segment_words, signature
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s

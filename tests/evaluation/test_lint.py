@@ -12,9 +12,8 @@ from synthetic_repertoire import synthetic_contents, synthetic_takes, synthetic_
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.lint import Finding, lint
-from choreograph.library.motifs import Motifs
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import make_vocabulary, motif_arrays
+from choreograph.library.vocabulary import Motifs, make_vocabulary, motif_arrays
 from choreograph.library.writing import write_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion

@@ -17,8 +17,7 @@ from pathlib import Path
 from synthetic_repertoire import write_clicks
 
 import choreograph as cg
-from choreograph.library.builtin import starter_repertoire
-from choreograph.library.repertoire import Repertoire
+from choreograph.library.repertoire import Repertoire, starter_repertoire
 
 DURATION_S = 10.0
 

@@ -19,8 +19,9 @@ from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.building.networks import PretrainedWeights
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import FEWEST_WORDS, segment_takes
-from choreograph.library.builtin import pretrained_set, starter_repertoire
+from choreograph.library.builtin import pretrained_set
 from choreograph.library.notes import Note
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.motion.body import body_pos_m
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take

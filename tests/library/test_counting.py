@@ -15,8 +15,6 @@ from choreograph.core.counts import ANNOTATED, FROM_MOTION, FROM_MUSIC, NO_COUNT
 from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import (
-    MAX_MOTION_UNCERTAINTY,
-    MIN_MOTION_CONFIDENCE,
     MIN_PHASE_LOCK,
     SURE_MOTION_CONFIDENCE,
     CountDecision,
@@ -24,11 +22,16 @@ from choreograph.library.building.counting import (
     count_notes,
     counted_take,
     counts_from_song,
-    load_motion_counter,
     phase_lock,
 )
-from choreograph.library.builtin import pretrained_set, starter_repertoire
+from choreograph.library.builtin import (
+    MAX_MOTION_UNCERTAINTY,
+    MIN_MOTION_CONFIDENCE,
+    load_motion_counter,
+    pretrained_set,
+)
 from choreograph.library.notes import summary
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.library.songs import SongCache
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import mean_joint_speed_m_s

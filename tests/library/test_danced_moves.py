@@ -5,8 +5,7 @@ import pytest
 from sklearn.metrics import adjusted_mutual_info_score
 
 from choreograph.core.numerics import chi_square_distance
-from choreograph.library.motifs import find_motifs
-from choreograph.library.words import segment_words, signature
+from choreograph.library.vocabulary import find_motifs, segment_words, signature
 from choreograph.motion.body import body_pos_m
 from choreograph.nets.configs import word_config
 from choreograph.nets.words import WordTake, train_word_net

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import pickle
+import shutil
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +18,9 @@ from hypothesis import strategies as st
 from synthetic_repertoire import put_texts, synthetic_contents, synthetic_takes, with_counts
 
 from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
-from choreograph.library import checks
+from choreograph.library import schema
+from choreograph.library.builtin import STARTER_PATH
+from choreograph.library.derived import with_derived
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.schema import (
     ATTRIBUTES,
@@ -35,10 +41,13 @@ from choreograph.library.schema import (
     delta_encode,
     quantised,
 )
-from choreograph.library.store import RepertoireFile
+from choreograph.library.store import JoinedRows, RepertoireFile
 from choreograph.library.writing import write_repertoire
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.nets.configs import WORD_DIM
+
+# The repertoire file: published layout, atomic and deterministic writing, damage reported in one line.
+
 
 LAYOUT = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "repertoire.json").read_text(encoding="utf-8")
@@ -85,14 +94,20 @@ def test_uncertainty_is_stored_where_a_network_counted(tmp_path):
         write_repertoire(tmp_path / "rep.h5", wrong)
 
 
+def stored(datasets):
+    return {name: (dataset.kind, dataset.axes) for name, dataset in datasets.items()}
+
+
 def test_the_published_layout_is_the_one_in_the_code():
     assert (LAYOUT["format"], LAYOUT["version"]) == (FORMAT, VERSION)
-    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == DATASETS
+    assert {name: (d["kind"], " ".join(d["axes"])) for name, d in LAYOUT["datasets"].items()} == stored(
+        DATASETS
+    )
     assert tuple(LAYOUT["attributes"]) == ATTRIBUTES
     assert tuple(LAYOUT["nets"]["names"]) == NETS
     groups = {part: LAYOUT[part]["datasets"] for part in OPTIONAL}
     for part, names in OPTIONAL.items():
-        assert {name: (d["kind"], " ".join(d["axes"])) for name, d in groups[part].items()} == names
+        assert {name: (d["kind"], " ".join(d["axes"])) for name, d in groups[part].items()} == stored(names)
     assert str(WORD_DIM) in groups["motifs"]["motifs/embeddings"]["axes"]
     entries = (*LAYOUT["datasets"].values(), *(d for names in groups.values() for d in names.values()))
     letters = {axis for d in entries for axis in d["axes"] if axis.isalpha()}
@@ -252,7 +267,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
     n_bytes = sum(array.nbytes for array in contents.arrays.values())
     assert small.stat().st_size < min(0.1 * n_bytes, path.stat().st_size)
     whole, compressed = RepertoireFile(path), RepertoireFile(small)
-    for name, (_kind, _) in DATASETS.items():
+    for name in DATASETS:
         a, b = whole.read(name), compressed.read(name)
         if name in QUANTISATION_STEPS:
             assert b.dtype == a.dtype
@@ -273,7 +288,7 @@ def test_a_compressed_file_is_smaller_and_hardly_different(contents, path, tmp_p
 def test_delta_coding_restarts(contents, tmp_path, monkeypatch):
     for module in ("schema", "writing", "store"):
         monkeypatch.setattr(f"choreograph.library.{module}.DELTA_RESTART", 7)
-    monkeypatch.setitem(checks.ENCODING, "restart", 7)
+    monkeypatch.setitem(schema.ENCODING, "restart", 7)
     write_repertoire(tmp_path / "often.h5", contents, compress=True)
     compressed = RepertoireFile(tmp_path / "often.h5")
     whole = compressed.read("motion/root_pos_m")
@@ -303,3 +318,242 @@ def test_a_compressed_file_that_holds_body_positions_is_read(contents, tmp_path)
     file = RepertoireFile(tmp_path / "before.h5")
     np.testing.assert_allclose(file.read(name), contents.arrays[name], atol=0.0006)
     np.testing.assert_array_equal(file.read_rows(name, 5, 9), file.read(name)[5:9])
+
+
+# Rows of frames are read in blocks, which are kept up to a number of bytes, by any thread, from any file.
+
+
+MOTION = ("motion/root_pos_m", "motion/local_quat", "body/pos_m")
+
+
+@pytest.fixture(scope="module")
+def row_contents():
+    return synthetic_contents(synthetic_takes(duration_s=40.0))
+
+
+@pytest.fixture(scope="module")
+def plain(row_contents, tmp_path_factory):
+    path = tmp_path_factory.mktemp("rows") / "plain.h5"
+    write_repertoire(path, row_contents)
+    return path
+
+
+def spans(n_rows: int, n: int, seed: int = 0) -> list[tuple[int, int]]:
+    rng = np.random.default_rng(seed)
+    starts = rng.integers(0, n_rows - 1, n)
+    stops = np.minimum(starts + rng.integers(1, 3000, n), n_rows)
+    return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("kind", ["plain", "compressed"])
+@pytest.mark.parametrize("name", MOTION)
+def test_rows_equal_those_of_the_whole_array(plain, kind, name):
+    file = RepertoireFile(STARTER_PATH if kind == "compressed" else plain)
+    whole = file.read(name)
+    borders = [(0, 1), (0, len(whole)), (len(whole) - 1, len(whole)), (8191, 8193), (5, 5)]
+    for start, stop in borders + spans(len(whole), 30):
+        rows = file.read_rows(name, start, stop)
+        assert rows.dtype == whole.dtype
+        np.testing.assert_array_equal(rows, whole[start:stop])
+
+
+def test_each_block_is_read_once(monkeypatch):
+    """300 parts of takes took 600 openings of the file, 10 ms each."""
+    repertoire = Repertoire(RepertoireFile(STARTER_PATH))
+    durations_s = [take.duration_s for take in repertoire.takes]
+    reads = []
+    read = RepertoireFile.read
+
+    def counted(self, name, *part):
+        reads.append(name)
+        return read(self, name, *part)
+
+    assert repertoire.skeleton.n_joints == 24
+    monkeypatch.setattr(RepertoireFile, "read", counted)
+    rng = np.random.default_rng(0)
+    for take in rng.integers(0, len(durations_s), 300):
+        start_s = rng.uniform(0.0, durations_s[take] - 2.0)
+        repertoire.motion(int(take), start_s, start_s + 1.0)
+    assert len(reads) <= 24, len(reads)
+
+
+def test_what_is_read_cannot_change_what_is_kept(plain):
+    file = RepertoireFile(plain)
+    rows = file.read_rows("body/pos_m", 3, 9)
+    rows[:] = 7.0
+    assert not (file.read_rows("body/pos_m", 3, 9) == 7.0).any()
+    repertoire = Repertoire.open(plain)
+    motion, _ = repertoire.motion(0, 1.0, 2.0)
+    motion.root_pos_m[:] = 7.0
+    motion.local_quat[:] = 7.0
+    assert abs(repertoire.motion(0, 1.0, 2.0)[0].local_quat).max() <= 1.0
+
+
+def test_a_repertoire_can_be_sent_to_another_process(plain):
+    repertoire = Repertoire.open(plain)
+    motion, _ = repertoire.motion(0, 1.0, 2.0)
+    again, _ = pickle.loads(pickle.dumps(repertoire)).motion(0, 1.0, 2.0)
+    np.testing.assert_array_equal(again.local_quat, motion.local_quat)
+
+
+def test_threads_read_the_same_rows(plain):
+    file = RepertoireFile(plain)
+    whole = {name: file.read(name) for name in MOTION}
+
+    def equal(seed: int) -> bool:
+        return all(
+            np.array_equal(file.read_rows(name, start, stop), whole[name][start:stop])
+            for name in MOTION
+            for start, stop in spans(len(whole[name]), 20, seed)
+        )
+
+    with ThreadPoolExecutor(8) as pool:
+        assert all(pool.map(equal, range(16)))
+
+
+def test_a_replaced_file_is_read_again_and_a_missing_one_named(row_contents, plain, tmp_path):
+    path = tmp_path / "rep.h5"
+    shutil.copy(plain, path)
+    file = RepertoireFile(path)
+    before = file.read_rows("body/density", 0, 50)
+    changed = {**row_contents.arrays, "body/density": row_contents.arrays["body/density"] + 1}
+    write_repertoire(
+        path, type(row_contents)(changed, row_contents.density, row_contents.provenance, row_contents.nets)
+    )
+    np.testing.assert_allclose(file.read_rows("body/density", 0, 50), before + 1, rtol=1e-6)
+    path.unlink()
+    with pytest.raises(RepertoireError, match=r"rep\.h5"):
+        file.read_rows("body/density", 0, 50)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="the system does not list open files")
+def test_no_file_stays_open(plain):
+    file = RepertoireFile(plain)
+    file.read_rows("body/pos_m", 0, 100)
+    links = [os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+    assert str(plain) not in links
+
+
+def test_frames_are_stored_with_all_their_joints(plain):
+    """A chunk of frames is a part of a take. Chunks of one column were unpacked 96 times for a second."""
+    with h5py.File(plain) as file:
+        for name in MOTION:
+            n_frames, *columns = file[name].shape
+            assert file[name].chunks[1:] == tuple(columns)
+            n_bytes = 1 << (15 if name == "body/pos_m" else 18)
+            assert file[name].chunks[0] == min(n_frames, n_bytes // (4 * int(np.prod(columns))))
+
+
+# Rows of a file joined with new ones: read as one array, and written to the same bytes as one array.
+
+
+LARGE = (
+    "motion/root_pos_m",
+    "motion/local_quat",
+    "body/pos_m",
+    "body/root_frame",
+    "body/sums",
+    "body/density",
+)
+
+
+@pytest.fixture(scope="module", params=[False, True], ids=["plain", "compressed"])
+def written(request, tmp_path_factory):
+    """Contents of several chunks of each large array, their file, and whether it is compressed."""
+    compress = request.param
+    contents = synthetic_contents(synthetic_takes(periods_s=(0.5, 0.7), duration_s=145.0))
+    contents = replace(contents, arrays=with_derived(contents.arrays, compress=compress))
+    path = tmp_path_factory.mktemp("joined") / "rep.h5"
+    write_repertoire(path, contents, compress=compress)
+    return contents, RepertoireFile(path), compress
+
+
+def joined(file, name, array, parts):
+    """The same rows as `array`: ranges of rows of the file, and where `parts` has a number, new rows."""
+    kind = DATASETS[name][0] if name in DATASETS else "f4"
+    rows = [array[slice(*map(abs, part))] if part[0] < 0 else part for part in parts]
+    return JoinedRows(file, name, rows, kind)
+
+
+# Of an array of n rows. Negative ranges are new rows.
+SPLITS = {
+    "all kept": lambda n: [(0, n)],
+    "one row added": lambda n: [(0, n - 1), (-(n - 1), -n)],
+    "half added": lambda n: [(0, n // 2), (-(n // 2), -n)],
+    "the middle replaced": lambda n: [(0, n // 3), (-(n // 3), -(n // 2)), (n // 2, n)],
+    "in two ranges": lambda n: [(0, n // 3), (n // 3, n)],
+}
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_joined_rows_are_written_to_the_bytes_of_one_array(tmp_path, written, split):
+    contents, file, compress = written
+    arrays = dict(contents.arrays)
+    for name in set(LARGE) & set(arrays):
+        array = np.asarray(arrays[name])
+        arrays[name] = joined(file, name, array, SPLITS[split](len(array)))
+    write_repertoire(tmp_path / "rep.h5", replace(contents, arrays=arrays), compress=compress)
+    assert (tmp_path / "rep.h5").read_bytes() == file.path.read_bytes()
+
+
+def test_kept_chunks_are_not_unpacked(tmp_path, written, monkeypatch):
+    contents, file, compress = written
+    name = "motion/local_quat"
+    n_rows, read = file.shapes[name][0], []
+    new = np.asarray(contents.arrays[name])[-10:]
+    real = RepertoireFile.read
+    monkeypatch.setattr(
+        RepertoireFile,
+        "read",
+        lambda file, name, part=slice(None): read.append(part) or real(file, name, part),
+    )
+    arrays = {**contents.arrays, name: JoinedRows(file, name, [(0, n_rows - 10), new], "f4")}
+    write_repertoire(tmp_path / "rep.h5", replace(contents, arrays=arrays), compress=compress)
+    with h5py.File(file.path) as stored:
+        chunk_rows = stored[name].chunks[0]
+    assert (
+        sum(part.stop - part.start for part in read) < chunk_rows
+    )  # those of the last, of which some are new
+
+
+def test_rows_are_those_of_the_parts(written):
+    contents, file, _ = written
+    density = np.asarray(contents.arrays["body/density"])
+    rows = joined(file, "body/density", density, [(5, 40), (-7, -9), (100, 103)])
+    expected = np.concatenate([density[5:40], density[7:9], density[100:103]])
+    assert rows.shape == (40,) and rows.size == 40 and rows.nbytes == 160 and rows.dtype == np.float32
+    np.testing.assert_array_equal(np.asarray(rows), expected)
+    for start in range(40):
+        np.testing.assert_array_equal(rows.rows(start, start + 4), expected[start : start + 4])
+    assert rows.n_kept == 0
+    assert joined(file, "body/density", density, [(0, 8), (8, 11), (-11, -12), (12, 20)]).n_kept == 11
+    assert joined(file, "body/density", density, []).shape == (0,)
+
+
+def test_new_rows_that_16_bits_do_not_hold_are_stored_as_they_are(tmp_path, written):
+    contents, file, compress = written
+    if not compress:
+        pytest.skip("only compressed files are quantised")
+    root = np.asarray(contents.arrays["motion/root_pos_m"], np.float32).copy()
+    root[-5:] += 100.0
+    arrays = {name: array for name, array in contents.arrays.items()}
+    arrays["motion/root_pos_m"] = joined(
+        file, "motion/root_pos_m", root, [(0, len(root) - 5), (5 - len(root), -len(root))]
+    )
+    write_repertoire(tmp_path / "far.h5", replace(contents, arrays=arrays), compress=True)
+    stored = RepertoireFile(tmp_path / "far.h5")
+    assert "motion/root_pos_m" not in stored.quantised
+    np.testing.assert_allclose(stored.read("motion/root_pos_m"), root, atol=0.000126)
+
+
+def test_a_damaged_block_that_has_to_be_read_is_an_error(tmp_path, written):
+    _, file, _ = written
+    with h5py.File(file.path) as stored:
+        chunk = stored["body/density"].id.get_chunk_info(0)
+    content = bytearray(file.path.read_bytes())
+    content[chunk.byte_offset + 9] ^= 1
+    (tmp_path / "bad.h5").write_bytes(content)
+    bad = RepertoireFile(tmp_path / "bad.h5")
+    rows = JoinedRows(bad, "body/density", [(1, bad.shapes["body/density"][0])], "f4")
+    with pytest.raises(RepertoireError, match=r"bad\.h5"):
+        rows.rows(0, 3)

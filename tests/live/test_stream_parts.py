@@ -10,7 +10,7 @@ from synthetic_motions import stepping
 
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.library.builtin import starter_repertoire
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.live.stream_parts import (
     FPS,
     KEPT_S,

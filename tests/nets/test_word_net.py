@@ -6,7 +6,7 @@ import torch
 from synthetic_motions import swaying
 
 from choreograph.core.errors import ParameterError
-from choreograph.library.words import segment_words
+from choreograph.library.vocabulary import segment_words
 from choreograph.motion import body as pose
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_counts, write_clicks
 
-from choreograph.library.building.rollout import taught_dances
+from choreograph.library.building.networks import taught_dances
 from choreograph.motion.motion import Credits
 from choreograph.pipeline import building as graph_teacher
 from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout

@@ -23,7 +23,7 @@ from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import dance_variant
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import poses_at
+from choreograph.library.vocabulary import poses_at
 from choreograph.library.writing import write_repertoire
 from choreograph.motion.body import clips_to_root_frame
 from choreograph.music.song_features import motion_density

@@ -67,7 +67,7 @@ def open_studio(repertoire):
     """Opens a studio on a song, or none. It is closed at the end."""
     from studio_client import Client
 
-    from choreograph.studio.serve import start
+    from choreograph.studio.server import start
 
     opened = []
 

@@ -7,13 +7,15 @@ import pytest
 from faults.injection import small_disk
 
 from choreograph.choreography.edits import Repeat, Swap, Vary, slot_bounds_s
-from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.library.builtin import starter_repertoire
+from choreograph.core.errors import ChoreographError, ParameterError, RepertoireError
+from choreograph.library.repertoire import starter_repertoire
 from choreograph.render.rendering import render
-from choreograph.studio.desk import Desk
-from choreograph.studio.project_file import ProjectFile
+from choreograph.studio.desk import Desk, Shelf
+from choreograph.studio.project import ProjectFile
 from choreograph.studio.refusals import ConflictError, NotFoundError
-from choreograph.studio.step_dances import StepDances
+from choreograph.studio.steps import StepDances
+
+# The desk: changes are local, saved before they are shown, and come back to the same bytes.
 
 
 def motion_of(desk):
@@ -45,7 +47,7 @@ def test_a_chain_of_changes_comes_back_from_the_file_and_can_be_undone(desk, ope
     for one in (Swap(2.0, 4.0), Vary(7.0, 9.0), Repeat(2.0, 4.0, 8.0, mirrored=True)):
         desk.edit(desk.project.revision, [one], seed=1)
         shown.append(motion_of(desk))
-    desk.dance_again(desk.project.revision, {"seed": 5})
+    desk.change_settings(desk.project.revision, {"seed": 5})
     shown.append(motion_of(desk))
     desk.edit(desk.project.revision, [Swap(5.0, 6.0)])
     shown.append(motion_of(desk))
@@ -76,10 +78,10 @@ def test_undo_without_motions_in_memory_renders_the_same(desk):
 def test_locked_parts_are_kept_when_the_dance_is_made_again(desk):
     desk.lock(1, [(2.0, 6.0)])
     before = motion_of(desk)
-    desk.dance_again(2, {"seed": 3})
+    desk.change_settings(2, {"seed": 3})
     same = (motion_of(desk) == before).all(axis=(1, 2))
     assert same[121:359].all() and not same[400:].all()
-    desk.dance_again(3, {"seed": 4}, keep_locked=False)
+    desk.change_settings(3, {"seed": 4}, keep_locked=False)
     assert not (motion_of(desk) == before)[121:359].all()
 
 
@@ -94,7 +96,7 @@ def test_a_locked_part_is_not_edited(desk):
 
 def test_a_span_is_made_again_with_a_setting_of_its_own(desk):
     before = motion_of(desk)
-    desk.dance_again(1, {"seed": 7}, span=(4.0, 8.0))
+    desk.change_settings(1, {"seed": 7}, span=(4.0, 8.0))
     same = (motion_of(desk) == before).all(axis=(1, 2))
     assert same[:239].all() and same[481:].all() and not same.all()
     assert desk.project.settings.seed == 0
@@ -103,7 +105,7 @@ def test_a_span_is_made_again_with_a_setting_of_its_own(desk):
 def test_an_old_revision_is_refused(desk):
     desk.edit(1, [Swap(4.0, 6.0)])
     for change in (
-        lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.dance_again(1, {}), lambda: desk.lock(1, []),
+        lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.change_settings(1, {}), lambda: desk.lock(1, []),
         lambda: desk.move(1, back=True), lambda: desk.choose(1, "1-0"),
         lambda: desk.alternatives(1, (2, 4), 2),
     ):  # fmt: skip
@@ -120,7 +122,7 @@ def test_what_cannot_be_written_is_not_shown(desk, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(ProjectFile, "write", full)
-        for change in (lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.dance_again(1, {"seed": 1})):
+        for change in (lambda: desk.edit(1, [Swap(4.0, 6.0)]), lambda: desk.change_settings(1, {"seed": 1})):
             with pytest.raises(ChoreographError, match="space"):
                 change()
             assert desk.state is state and desk.file.read_bytes() == before
@@ -162,14 +164,14 @@ def test_a_ban_stays_when_the_dance_is_made_again(desk):
     from choreograph.choreography.constraints import Ban
 
     desk.edit(1, [Ban(take=take)], bans=[f"take:{take}"])
-    desk.dance_again(2, {"seed": 1})
+    desk.change_settings(2, {"seed": 1})
     assert take not in desk.state.dance.plan.takes_s() and desk.project.settings.bans == (f"take:{take}",)
 
 
 def test_the_mixer_dances_with_weights_of_the_graph(desk):
-    desk.dance_again(1, {"weights": {"pace": 2.0}})
+    desk.change_settings(1, {"weights": {"pace": 2.0}})
     with pytest.raises(ChoreographError):
-        desk.dance_again(2, {"weights": {"nothing": 2.0}})
+        desk.change_settings(2, {"weights": {"nothing": 2.0}})
     assert desk.project.revision == 2
 
 
@@ -197,7 +199,7 @@ def test_a_project_of_another_song_is_refused(desk, folder, repertoire):
 
 def test_without_a_song_there_is_no_dance(repertoire, tmp_path):
     desk = Desk(tmp_path, repertoire)
-    for ask in (desk.current, desk.song, lambda: desk.dance_again(0, {}), lambda: desk.lock(0, [])):
+    for ask in (desk.current, desk.song, lambda: desk.lock(0, [])):
         with pytest.raises(NotFoundError):
             ask()
     desk.change_settings(0, {"seed": 4})
@@ -215,7 +217,7 @@ def test_a_dance_of_the_network_is_made_edited_undone_and_opened_again(folder):
         return desk
 
     desk = opened()
-    desk.dance_again(1, {"engine": "rollout", "seed": 2})
+    desk.change_settings(1, {"engine": "rollout", "seed": 2})
     generated = motion_of(desk)
     assert desk.state.dance.plan.engine == "rollout" and not desk.state.dance.plan.from_takes
     desk.edit(2, [Swap(4.0, 6.0)])
@@ -224,7 +226,7 @@ def test_a_dance_of_the_network_is_made_edited_undone_and_opened_again(folder):
     assert same[: 3 * 60].all() and same[8 * 60 :].all() and not same[5 * 60]
     desk.lock(3, [(8.0, 10.0)])
     with pytest.raises(ParameterError, match="rollout, which generates whole dances"):
-        desk.dance_again(4, {"seed": 3})
+        desk.change_settings(4, {"seed": 3})
     with pytest.raises(ParameterError, match="whose takes are not known"):
         desk.edit(4, [Repeat(2.0, 3.0, 5.0)])
     desk.close()
@@ -233,7 +235,9 @@ def test_a_dance_of_the_network_is_made_edited_undone_and_opened_again(folder):
     again._dances = StepDances(again.state.repertoire)
     again.move(again.project.revision, back=True)
     assert is_same(motion_of(again), generated)
-    again.dance_again(again.project.revision, {"engine": "graph"}, keep_locked=True)  # around what is locked
+    again.change_settings(
+        again.project.revision, {"engine": "graph"}, keep_locked=True
+    )  # around what is locked
     kept = (motion_of(again) == generated).all(axis=(1, 2))
     assert kept[8 * 60 + 2 : 10 * 60 - 2].all() and not kept.all()
     facts = again.facts()
@@ -286,3 +290,27 @@ def test_a_full_disk_loses_no_edit(repertoire, song, disk):
     finally:
         for one in desks:
             one.close()
+
+
+# Repertoires by name: that of the command line, the built-in one, and those of the folder, nothing else.
+
+
+def test_repertoires_are_found_by_name(repertoire, tmp_path):
+    (tmp_path / "mine.h5").write_bytes(repertoire.path.read_bytes())
+    shelf = Shelf(repertoire)
+    assert shelf.names(tmp_path) == [repertoire.path.name, "starter.h5", "mine.h5"]
+    assert shelf.open("", tmp_path) is repertoire is shelf.open(repertoire.path.name, tmp_path)
+    assert shelf.open("mine.h5", tmp_path) is shelf.open("mine.h5", tmp_path)
+    assert len(shelf.open("starter.h5", tmp_path).takes) > 100
+
+
+@pytest.mark.parametrize("name", ["other.h5", "../mine.h5", "/etc/passwd", "mine.json", "a/mine.h5"])
+def test_other_names_are_refused(name, repertoire, tmp_path):
+    with pytest.raises(NotFoundError, match="--db"):
+        Shelf(repertoire).open(name, tmp_path)
+
+
+def test_a_damaged_one_is_refused(repertoire, tmp_path):
+    (tmp_path / "mine.h5").write_bytes(b"no repertoire")
+    with pytest.raises(RepertoireError):
+        Shelf(repertoire).open("mine.h5", tmp_path)

@@ -16,7 +16,7 @@ from synthetic_motions import stepping
 from choreograph.formats.fbx import find_blender
 from choreograph.formats.gltf_files import read_gltf
 from choreograph.formats.register import load_motion, save_motion
-from choreograph.studio import builds
+from choreograph.studio import file_routes
 
 pytestmark = pytest.mark.slow
 
@@ -107,8 +107,12 @@ def drop_folder(page, paths) -> None:
 
 
 def test_a_folder_of_takes_is_dropped_built_and_danced_with(browser, tmp_path, song, monkeypatch):
-    build = builds.build  # with the preset of the quickest build, since the page has no choice of presets
-    monkeypatch.setattr(builds, "build", lambda takes, output, preset, job: build(takes, output, "tiny", job))
+    build = (
+        file_routes.build
+    )  # with the preset of the quickest build, since the page has no choice of presets
+    monkeypatch.setattr(
+        file_routes, "build", lambda takes, output, preset, job: build(takes, output, "tiny", job)
+    )
     paths = []
     for seed in range(2):
         paths.append(tmp_path / f"walk{seed}.bvh")

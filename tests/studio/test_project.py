@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 import subprocess
 import sys
 import zlib
@@ -15,10 +16,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 from choreograph.plan.plan import PlannedEdit
-from choreograph.studio.project import MOST_SIZE, Project, joined, project_from_json
-from choreograph.studio.settings import Settings
+from choreograph.studio.project import (
+    MOST_SIZE,
+    Project,
+    ProjectFile,
+    Settings,
+    checked_name,
+    joined,
+    opened,
+    placed,
+    project_from_json,
+    project_path,
+)
+from choreograph.studio.refusals import UnknownTypeError
+
+# The project: undo and redo are inverse, what nothing leads to is left out, and JSON keeps everything.
 
 
 @pytest.fixture(scope="module")
@@ -223,7 +237,7 @@ def read_elsewhere(path):
 import resource, sys
 from pathlib import Path
 from choreograph.core.errors import ChoreographError
-from choreograph.studio.project_file import ProjectFile
+from choreograph.studio.project import ProjectFile
 file, before = ProjectFile(Path(sys.argv[1])), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))
 try:
@@ -281,3 +295,161 @@ def test_joined_spans_are_apart_in_order_and_cover_the_same(spans):
 def test_spans_outside_of_the_dance_are_refused(span):
     with pytest.raises(ParameterError):
         joined([span], 60.0)
+
+
+# The file of a project: whole or not at all, used by one process, and names that are no paths.
+
+
+def test_what_is_written_is_read(tmp_path):
+    file = ProjectFile(tmp_path / "a.studio.json")
+    assert file.read() is None
+    file.write(Project("a.wav", revision=3))
+    assert file.read() == Project("a.wav", revision=3)
+    file.close()
+    assert os.listdir(tmp_path) == ["a.studio.json"]
+
+
+def test_a_second_studio_is_refused_until_the_first_is_closed(tmp_path):
+    path = tmp_path / "a.studio.json"
+    file = ProjectFile(path)
+    with pytest.raises(ChoreographError, match="studio"):
+        ProjectFile(path)
+    file.close()
+    ProjectFile(path).close()
+
+
+def test_a_full_disk_leaves_the_file_before_it(tmp_path, monkeypatch):
+    file = ProjectFile(tmp_path / "a.studio.json")
+    file.write(Project("a.wav", revision=3))
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(ChoreographError, match="No space"):
+        file.write(Project("a.wav", revision=4))
+    assert file.read().revision == 3
+    file.close()
+    assert os.listdir(tmp_path) == ["a.studio.json"]
+
+
+def test_a_damaged_file_is_refused(tmp_path):
+    (tmp_path / "a.studio.json").write_text("{}")
+    file = ProjectFile(tmp_path / "a.studio.json")
+    with pytest.raises(FormatError):
+        file.read()
+    file.close()
+
+
+def test_a_link_leads_to_one_project_with_one_lock_and_stays_a_link(tmp_path):
+    for name in ("real", "other"):
+        (tmp_path / name).mkdir()
+    real, link = tmp_path / "real" / "a.studio.json", tmp_path / "other" / "b.studio.json"
+    link.symlink_to(real)
+    file = ProjectFile(link)
+    file.write(Project("a.wav", revision=3))  # before there is a file, and over it
+    file.write(Project("a.wav", revision=4))
+    assert link.is_symlink() and os.listdir(link.parent) == ["b.studio.json"]
+    with pytest.raises(ChoreographError, match="studio"):
+        ProjectFile(real)
+    assert opened(real, "a.wav", file) == (file, Project("a.wav", revision=4))
+    file.close()
+    assert ProjectFile(real).read().revision == 4
+
+
+def test_a_link_to_nowhere_makes_no_folders(tmp_path):
+    link = tmp_path / "a.studio.json"
+    link.symlink_to(tmp_path / "none" / "a.studio.json")
+    with pytest.raises(ChoreographError, match="there is no folder"):
+        ProjectFile(link)
+    link.unlink()
+    link.symlink_to(link)
+    with pytest.raises(ChoreographError):
+        ProjectFile(link).read()
+    assert not (tmp_path / "none").exists()
+
+
+def test_the_project_is_beside_its_song(tmp_path):
+    assert project_path(tmp_path / "my song.mp3") == tmp_path / "my song.studio.json"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "", ".", "..", "../a.wav", "a/b.wav", "a\\b.wav", "/etc/a.wav", "C:a.wav", ".hidden.wav", "a.wav.",
+        "a\x00.wav", "a\n.wav", " a.wav", "a.wav ", "a*.wav", "a" * 200 + ".wav", "con?.wav",
+        "con.wav", "NUL.wav", "com1.x.wav", "a\x85.wav", "a\u2028.wav",
+    ],
+)  # fmt: skip
+def test_names_are_never_paths(name):
+    with pytest.raises(ParameterError):
+        checked_name(name, [".wav"])
+
+
+@pytest.mark.parametrize("name", ["a.wav", "Ä song, 2.WAV", "歌.wav", "a.b.wav", "console.wav"])
+def test_plain_names_are_taken(name):
+    assert checked_name(name, [".wav"]) == name
+
+
+def test_another_suffix_is_refused():
+    with pytest.raises(UnknownTypeError):
+        checked_name("a.exe", [".wav"])
+
+
+def test_a_file_never_replaces_another(tmp_path):
+    (tmp_path / "in").mkdir()
+    for content, expected in (
+        (b"1", "a.wav"), (b"1", "a.wav"), (b"2", "a-new.wav"), (b"3", "a-new-2.wav"), (b"2", "a-new.wav"),
+    ):  # fmt: skip
+        sent = tmp_path / "in" / "a.wav"
+        sent.write_bytes(content)
+        path = placed(sent, tmp_path)
+        assert path.name == expected and path.read_bytes() == content and not sent.exists()
+
+
+# Settings of the studio: those of several dancers are checked, and left out of files if they are usual.
+
+
+def test_one_dancer_has_the_data_of_a_project_without_dancers():
+    assert list(Settings().to_data()) == [
+        "engine", "seed", "genre", "dynamics", "front", "stage", "weights", "repertoire", "bans",
+    ]  # fmt: skip
+
+
+def test_data_of_dancers_come_back():
+    changes = {"dancers": 4, "formation": ["line", "8-16=circle"], "relation": ["canon:2"]}
+    made = Settings().changed(changes)
+    data = json.loads(json.dumps(made.to_data()))
+    assert Settings().changed(data) == made and {name: data[name] for name in changes} == changes
+    assert made.changed({"dancers": 1}).to_data()["formation"] == ("line", "8-16=circle")  # for another time
+
+
+def test_a_dancer_has_a_seed_of_its_own():
+    made = Settings().changed({"dancers": 3, "relation": ["free"], "seed": 5, "genre": "house"})
+    assert made.of_dancer(2) == Settings(seed=7, genre="house")
+    assert made.scene_request().n_dances == 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"dancers": 0}, "expected 1 to 32 dancers"),
+        ({"dancers": 33}, "expected 1 to 32 dancers"),
+        ({"dancers": 2.0}, "expected 1 to 32 dancers"),
+        ({"dancers": True}, "expected 1 to 32 dancers"),
+        ({"formation": "v"}, "expected formation as a list of texts"),
+        ({"formation": ["star"]}, "expected a formation"),
+        ({"formation": ["places.json"]}, "expected a formation"),
+        ({"formation": ["8-16=/etc/passwd.json"]}, "expected a formation"),
+        ({"formation": ["v", "line"]}, "expected one formation for the whole song"),
+        ({"formation": ["=v"]}, "WHEN=VALUE"),
+        ({"formation": [f"{i}-{i + 1}=v" for i in range(500)]}, "at most 200 texts"),
+        ({"relation": ["canon:99"]}, "expected a relation among"),
+        ({"relation": [3]}, "expected relation as a list of texts"),
+        ({"relation": ["x" * 200]}, "at most 200 texts of 100 characters"),
+    ],
+)
+def test_other_dancers_are_refused_in_one_line(changes, says):
+    with pytest.raises(ParameterError, match=says) as refused:
+        Settings().changed(changes)
+    assert "\n" not in str(refused.value)

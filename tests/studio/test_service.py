@@ -16,7 +16,7 @@ from synthetic_characters import CHARACTERS, write_character
 from choreograph.characters.gltf_character import read_character
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.studio.refusals import NotFoundError
-from choreograph.studio.serve import start
+from choreograph.studio.server import start
 from choreograph.studio.service import News, Service, scratch_folder
 
 

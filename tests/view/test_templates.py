@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from choreograph.core.errors import ParameterError
-from choreograph.library.motifs import Motifs
-from choreograph.library.vocabulary import make_vocabulary
+from choreograph.library.vocabulary import Motifs, make_vocabulary
 from choreograph.view.motif_plots import dances_of, distance_over_time, distances_to_template
 
 GENRES = ("polka", "polka", "", "polka")  # the last take has no words

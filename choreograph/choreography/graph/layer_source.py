@@ -23,8 +23,8 @@ from choreograph.core.arguments import as_stage_m
 from choreograph.core.cache import DiskCache, digest, program
 from choreograph.core.progress import substage
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SEGMENT_S
-from choreograph.library.motifs import SpanMotifLookup
 from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import SpanMotifLookup
 from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids
 from choreograph.music.danced_span import join_times_s
 from choreograph.plan.joins import MAX_STEER_RAD

@@ -17,7 +17,7 @@ from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES, SEGMENT_S
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.music.song_features import SongFeatures
 
 # The motifs of each node.
@@ -39,7 +39,7 @@ def node_motifs(
     Parameters
     ----------
     word_bounds_s : float array (Q + 1,)   times where the song's words begin and end, of `song_words_s`
-    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,), as of `library.motifs.SpanMotifLookup`
+    motifs_of : (take, start_s, stop_s) -> motifs, arrays (M,), as of `library.vocabulary.SpanMotifLookup`
 
     Returns
     -------

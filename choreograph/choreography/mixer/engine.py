@@ -21,12 +21,7 @@ from choreograph.choreography.enforcement import (
 from choreograph.choreography.engine import DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
-from choreograph.choreography.mixer.words import (
-    SEARCHES,
-    CandidatePool,
-    Candidates,
-    search_words,
-)
+from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, search_words
 from choreograph.choreography.passages import SlotCosts, draw_dance, first_slots
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.word_costs import WordCosts

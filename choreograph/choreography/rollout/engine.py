@@ -40,7 +40,7 @@ from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import WORDS_AT_ONCE
+from choreograph.library.vocabulary import WORDS_AT_ONCE
 from choreograph.motion.motion import Credits, Motion
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan.plan import Plan, PlannedWord

@@ -19,9 +19,8 @@ from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
-from choreograph.library.motifs import Motifs
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
-from choreograph.library.words import dance_bounds_s
+from choreograph.library.vocabulary import Motifs, dance_bounds_s
 from choreograph.motion.contacts import contacts_of
 from choreograph.motion.foot_locking import lock_feet_in_place
 from choreograph.motion.motion import Motion

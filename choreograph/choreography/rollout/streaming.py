@@ -22,7 +22,7 @@ from choreograph.core.arguments import as_index
 from choreograph.core.counts import UNKNOWN, Counts, bar_positions, count_numbers
 from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.words import DEFAULT_WORD_S, dance_bounds_s
+from choreograph.library.vocabulary import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.foot_locking import FootLockStream
 from choreograph.motion.motion import Motion

@@ -17,19 +17,21 @@ from choreograph.core.files import check_apart, check_target, folder_beside, loc
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.formats.remote import is_address, local_sources
-from choreograph.library.building.counting import MOTION_NET, Counting, load_motion_counter
+from choreograph.library.building.counting import Counting
 from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
     STYLE_NET,
     PretrainedWeights,
+    Teacher,
     source_checksums,
+    taught_dances,
     train_music_networks,
+    train_rollout_network,
     train_word_network,
     training_content,
     training_context,
 )
 from choreograph.library.building.options import BuildOptions, BuildResult
-from choreograph.library.building.rollout import Teacher, taught_dances, train_rollout_network
 from choreograph.library.building.takes import (
     FEWEST_WORDS,
     SegmentedTake,
@@ -39,13 +41,20 @@ from choreograph.library.building.takes import (
     measured_takes,
     segment_takes,
 )
-from choreograph.library.builtin import pretrained_set
+from choreograph.library.builtin import MOTION_NET, load_motion_counter, pretrained_set
 from choreograph.library.notes import Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.schema import Contents, NetArrays, rollout_names
+from choreograph.library.schema import NetArrays, rollout_names
 from choreograph.library.songs import SongCache, song_notes
 from choreograph.library.vocabulary import Vocabulary, motif_arrays
-from choreograph.library.writing import ClipDensity, EmbedMotion, MeasuredTake, to_arrays, write_repertoire
+from choreograph.library.writing import (
+    ClipDensity,
+    Contents,
+    EmbedMotion,
+    MeasuredTake,
+    to_arrays,
+    write_repertoire,
+)
 from choreograph.motion.motion import Take
 from choreograph.music.song_features import motion_density
 

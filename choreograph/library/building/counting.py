@@ -9,9 +9,8 @@ take stays without counts. Uncertain counts are better than motion beats (`resea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,29 +21,19 @@ from choreograph.core.cache import key_of
 from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
-from choreograph.library.builtin import PretrainedNet
+from choreograph.library.builtin import MotionCounter, are_likely_right, mean_uncertainty
 from choreograph.library.notes import Note
-from choreograph.library.schema import NetArrays
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
-from choreograph.nets.motion_counts import MotionCounts
-
-MotionCounter = Callable[[NDArray[np.floating]], Counts]  # body positions (T, 21, 3) at 20 fps to counts
 
 # Built-in takes have 0.83 to 1 with the beats of their songs. Takes of dance-with-melody have up to 0.28.
 MIN_PHASE_LOCK = 0.6
-# Confidence below which counts from motion are not used,
-MIN_MOTION_CONFIDENCE = 0.5
-# and below which a note says that they are uncertain. Dances that are cut into pieces and shuffled have no
-# counts, and reach 0.65. Dances of new genres or figures have 0.6 to 0.9.
+# Confidence below which a note says that counts from motion are uncertain. Dances that are cut into pieces
+# and shuffled have no counts, and reach 0.65. Dances of new genres or figures have 0.6 to 0.9.
 SURE_MOTION_CONFIDENCE = 0.7
-# Mean uncertainty above which none are used. It is 0.13 to 0.29 in real takes with figures that the network
-# was not trained on, and 0.34 and more in takes that are shuffled or stand still.
-MAX_MOTION_UNCERTAINTY = 0.3
-MOTION_NET = "motion_counts"  # its name among the pretrained networks
 _WINDOW_BEATS = 4
 _FEWEST_WINDOWS = 5  # in fewer windows, random phases agree too often
 _STILL_M_S = 0.02  # slower motion counts as equally still
@@ -120,19 +109,10 @@ def _decided(
     if count_motion is None:
         return NO_COUNTS, CountDecision(take.name, "", 0.0)
     counts = count_motion(measured.body_pos_m)
-    uncertainty = _mean_uncertainty(counts)
+    uncertainty = mean_uncertainty(counts)
     if are_likely_right(counts):
         return counts, CountDecision(take.name, FROM_MOTION, counts.confidence, uncertainty)
     return NO_COUNTS, CountDecision(take.name, "", counts.confidence, uncertainty, is_refused=True)
-
-
-def are_likely_right(counts: Counts) -> bool:
-    """Whether counts that were estimated from the motion are used."""
-    return counts.confidence >= MIN_MOTION_CONFIDENCE and _mean_uncertainty(counts) <= MAX_MOTION_UNCERTAINTY
-
-
-def _mean_uncertainty(counts: Counts) -> float:
-    return float(counts.uncertainty.mean()) if len(counts.uncertainty) else 0.0
 
 
 def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecision]) -> list[Note]:
@@ -142,17 +122,6 @@ def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecis
     if not all(has_counts):
         notes.append(Note("uncounted left out" if any(has_counts) else "uncounted danced"))
     return notes
-
-
-def load_motion_counter(pretrained: Mapping[str, PretrainedNet]) -> MotionCounter | None:
-    """The network that estimates counts from motion, or None if the set has none."""
-    if MOTION_NET not in pretrained:
-        return None
-    return partial(_counts_by, pretrained[MOTION_NET].arrays)
-
-
-def _counts_by(stored: NetArrays, body_pos_m: NDArray[np.floating]) -> Counts:
-    return MotionCounts.from_arrays(stored.weights, stored.config).counts(body_pos_m)
 
 
 def counts_from_song(

@@ -3,13 +3,18 @@
 Networks and motifs are kept. Only new takes are read, measured, counted and embedded. Ranks, signatures and
 transitions are computed again, since they depend on all takes. The file is that of a build of all takes with
 the same networks and motifs (`BuildOptions.keep_networks`).
+
+The arrays of the result are those of the file and the new ones, joined take by take (`TakeRows`). Notes say
+how far new takes are from those that the networks were trained on (`novelty_notes`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from functools import cached_property
+from itertools import groupby
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -19,16 +24,14 @@ from choreograph.core.cache import caching
 from choreograph.core.counts import FROM_MOTION
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
-from choreograph.core.numerics import AnyFloats
+from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import working
 from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.build import clip_features
-from choreograph.library.building.counting import MOTION_NET, Counting, load_motion_counter
-from choreograph.library.building.joining import TakeOrigin, TakeRows, joined_arrays, joined_notes
+from choreograph.library.building.counting import Counting
 from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.networks import source_checksums
-from choreograph.library.building.novelty import novelty_notes
 from choreograph.library.building.options import BuildOptions, BuildResult
 from choreograph.library.building.takes import (
     FEWEST_WORDS,
@@ -42,16 +45,15 @@ from choreograph.library.building.takes import (
     short_notes,
     word_table,
 )
-from choreograph.library.builtin import pretrained_set
-from choreograph.library.derived import with_derived
-from choreograph.library.joined_rows import Rows
-from choreograph.library.notes import Note, note_arrays, summary
+from choreograph.library.builtin import MOTION_NET, load_motion_counter, pretrained_set
+from choreograph.library.derived import ALWAYS_MADE, with_derived
+from choreograph.library.notes import KINDS, Note, note_arrays, summary
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.schema import Contents
+from choreograph.library.schema import DATASETS, POSES, UNCERTAINTY, NetArrays
 from choreograph.library.songs import SongCache, song_notes
-from choreograph.library.store import RepertoireFile
+from choreograph.library.store import JoinedRows, RepertoireFile, Rows
 from choreograph.library.vocabulary import Vocabulary, motif_arrays
-from choreograph.library.writing import MeasuredTake, write_repertoire
+from choreograph.library.writing import Contents, MeasuredTake, write_repertoire
 from choreograph.motion.motion import Take
 
 
@@ -124,18 +126,12 @@ class _Kept:
     @classmethod
     def of(cls, file: RepertoireFile, given: BuildOptions) -> _Kept:
         stated = file.provenance
+        options_of = {"beats": "beats", "lock_feet": "feet_locked", "pretrained": "pretrained"}
         built_with: dict[str, Any] = {
-            option: stated[name]
-            for option, name in (
-                ("beats", "beats"),
-                ("lock_feet", "feet_locked"),
-                ("pretrained", "pretrained"),
-            )
-            if name in stated
+            option: stated[name] for option, name in options_of.items() if name in stated
         }
-        is_compressed = "poses" not in file.parts
         try:
-            options = replace(given, compress=is_compressed, **built_with)
+            options = replace(given, compress="poses" not in file.parts, **built_with)
         except ParameterError as error:
             raise RepertoireError(f"{file.path}: provenance: {error}: a damaged file") from error
         return cls(file, Repertoire(file), options)
@@ -143,6 +139,10 @@ class _Kept:
     @property
     def names(self) -> list[str]:
         return [take.name for take in self.repertoire.takes]
+
+    @cached_property
+    def nets(self) -> dict[str, NetArrays]:
+        return {name: self.file.read_net(name) for name in self.file.net_names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,8 +194,7 @@ def _new_takes(
     if kept.repertoire.has_vocabulary:
         segmented, segment_notes = segment_takes(measured, songs, report=report)
     notes += [*song_notes([m.take for m in measured], songs), *segment_notes]
-    nets = {name: kept.file.read_net(name) for name in kept.file.net_names if name.split("_")[0] != "rollout"}
-    features = clip_features(nets, kept.file.density, [])
+    features = clip_features(kept.nets, kept.file.density, [])
     arrays = with_derived(
         features.arrays(measured, source_checksums(measured, (*add, *replace))), compress=options.compress
     )
@@ -267,9 +266,8 @@ def _write_changed(kept: _Kept, new: _NewTakes, changes: TakeChanges, target: Pa
         files=[str(path) for path in np.asarray(arrays["sources/path"])],
         is_counted=rows.counts("U") > 0,
     )  # fmt: skip
-    nets = {name: kept.file.read_net(name) for name in kept.file.net_names}
     provenance = _provenance(kept, names, new.trained_on)
-    contents = Contents(arrays | note_arrays(notes), kept.file.density, provenance, nets)
+    contents = Contents(arrays | note_arrays(notes), kept.file.density, provenance, kept.nets)
     write_repertoire(target, contents, compress=kept.options.compress)
     return told
 
@@ -323,3 +321,249 @@ def _provenance(kept: _Kept, names: Sequence[str], counter: Sequence[str]) -> di
     if counter:
         stated["trained_on"] = sorted({*stated.get("trained_on", ()), *counter})
     return stated
+
+
+# The takes of the result, in order, and the rows that each has in every array.
+
+
+@dataclass(frozen=True)
+class TakeOrigin:
+    """Where a take of the result is: its index among the takes of the file, or among the new ones."""
+
+    is_new: bool
+    index: int
+
+
+# By the first axis of an array with rows of takes: the column of `takes/` with their last rows, or the array
+# with the take of each row, in order.
+_ENDS = {"M": "takes/motion_stop", "B": "takes/body_stop", "Q": "takes/beat_stop", "U": "takes/count_stop"}
+_TAKE_OF = {"N": "clips/take", "C": "sources/take", "F": "figures/take", "W": "motifs/word_take"}
+_PER_TAKE = "X"
+
+
+class TakeRows:
+    """The rows of each take in the arrays of a file and in new arrays, and how they are joined."""
+
+    def __init__(
+        self,
+        file: RepertoireFile,
+        new: Mapping[str, Rows],
+        n_new: int,
+        order: Sequence[TakeOrigin],
+    ) -> None:
+        self._file, self._new, self._n_new, self.order = file, new, n_new, order
+        self._n_old = file.shapes["takes/fps"][0]
+        self._borders: dict[str, tuple[Indices, Indices]] = {}
+
+    def borders(self, axis: str) -> tuple[Indices, Indices]:
+        """First rows of the takes along an axis, and last the number of rows: of the file, and of the new."""
+        if axis not in self._borders:
+            none = np.zeros(1, np.int64)
+            old = self._borders_in(axis, self._file.read, self._n_old)
+            new = self._borders_in(axis, lambda name: np.asarray(self._new[name]), self._n_new)
+            self._borders[axis] = old, new if self._n_new else none
+        return self._borders[axis]
+
+    def _borders_in(self, axis: str, read: Any, n_takes: int) -> Indices:
+        if axis == _PER_TAKE or n_takes == 0:
+            return np.arange(n_takes + 1)
+        if axis in _ENDS:
+            return np.append(0, read(_ENDS[axis])).astype(np.int64)
+        return np.searchsorted(read(_TAKE_OF[axis]), np.arange(n_takes + 1))
+
+    def counts(self, axis: str) -> Indices:
+        """The number of rows of each take of the result."""
+        old, new = (np.diff(borders) for borders in self.borders(axis))
+        return np.array([(new if take.is_new else old)[take.index] for take in self.order], np.int64)
+
+    def ranges(self, axis: str) -> list[tuple[bool, int, int]]:
+        """Consecutive rows of the result: whether they are new, and the first and the one after the last."""
+        found = []
+        # In a run of takes that follow each other where they are, the difference is constant.
+        runs = groupby(enumerate(self.order), lambda at: (at[1].is_new, at[1].index - at[0]))
+        for (is_new, _), run in runs:
+            takes = [take.index for _, take in run]
+            borders = self.borders(axis)[is_new]
+            found.append((is_new, int(borders[takes[0]]), int(borders[takes[-1] + 1])))
+        return found
+
+    def joined(self, name: str, kind: str, axis: str) -> Rows:
+        """The rows of an array. Those of the file are read when they are needed, unless they are texts."""
+        ranges = self.ranges(axis)
+        if kind != "s":
+            new = np.asarray(self._new[name]) if self._n_new else np.zeros(0)
+            parts = [new[start:stop] if is_new else (start, stop) for is_new, start, stop in ranges]
+            return JoinedRows(self._file, name, parts, kind)
+        return self.joined_arrays(axis, self._file.read(name), self._new.get(name, np.zeros(0, np.str_)))
+
+    def joined_arrays(self, axis: str, old: NDArray[Any], new: Rows) -> NDArray[Any]:
+        """The rows of two arrays in memory, that of the takes of the file and that of the new ones."""
+        both = old, np.asarray(new)
+        return np.concatenate([both[is_new][start:stop] for is_new, start, stop in self.ranges(axis)])
+
+
+def joined_arrays(rows: TakeRows, file: RepertoireFile, new: Mapping[str, Rows]) -> dict[str, Rows]:
+    """The arrays of the result by path, without motifs, notes and those of `derived.ALWAYS_MADE`.
+
+    `new` are those of the new takes, with what is derived from them.
+    """
+    layout = DATASETS | (POSES if "poses" in file.parts else {})
+    made: dict[str, Rows] = {}
+    for name, (kind, axes, *_) in layout.items():
+        axis = axes.split()[0]
+        if name in ALWAYS_MADE or name == "provenance":
+            continue
+        if axis in ("J", "E"):
+            made[name] = file.read(name)
+        elif name in _TAKE_OF.values():
+            made[name] = np.repeat(np.arange(len(rows.order)), rows.counts(axis))
+        elif not name.endswith(("_start", "_stop")):
+            made[name] = rows.joined(name, kind, axis)
+    for axis, name in _ENDS.items():
+        stops = np.cumsum(rows.counts(axis))
+        made |= {name: stops, name.replace("_stop", "_start"): stops - rows.counts(axis)}
+    if "roles" in file.parts:
+        made["skeleton/roles"] = file.read("skeleton/roles")
+    if (np.asarray(made["takes/counts_source"]) == FROM_MOTION).any():
+        [name] = UNCERTAINTY
+        old = file.read(name) if "uncertainty" in file.parts else np.zeros(file.shapes["counts/time_s"][0])
+        n_counts = len(np.asarray(new["counts/time_s"])) if new else 0
+        made[name] = rows.joined_arrays("U", old, new.get(name, np.zeros(n_counts)))
+    return made
+
+
+# Notes in the order in which a build of all takes makes them.
+
+
+_STAGES = (
+    ("import",), ("skipped file", "unreadable file"), ("unknown take",), ("jumps",), ("retargeted",),
+    ("moved onto",), ("short",),
+    ("counts from song", "counts from motion", "uncertain counts", "refused counts", "no counts"),
+    ("uncounted left out", "uncounted danced"), ("style begins", "style kept"), ("counting networks",),
+    ("networks unchanged", "no music networks"), ("song",), ("longer than song", "counts beside beats"),
+    ("no density networks",), ("no music beats",), ("few words",),
+)  # fmt: skip
+_STAGE_OF = {kind: stage for stage, kinds in enumerate(_STAGES) for kind in kinds}
+
+
+def joined_notes(
+    old: Iterable[Note],
+    new: Iterable[Note],
+    names: Sequence[str],
+    *,
+    gone: Collection[str],
+    files: Iterable[str],
+    is_counted: NDArray[np.bool_],
+) -> list[Note]:
+    """The notes of the file on what is left, and those on new takes.
+
+    Parameters
+    ----------
+    names : the takes of the result, in order
+    gone : takes of the file that were removed or replaced, whose notes are left out
+    files : paths of the sources of the result. Notes on other songs are left out
+    is_counted : bool array (takes,)   whether each take of the result has counts
+    """
+    place = {name: index for index, name in enumerate(names)}
+    songs = {PurePosixPath(path).name for path in files}
+
+    def is_valid(note: Note) -> bool:
+        subject = KINDS[note.kind].subject
+        if subject == "take":
+            return note.subject not in gone
+        if subject == "song":
+            return note.subject in songs
+        return PurePosixPath(note.subject).stem not in place if subject else "uncounted" not in note.kind
+
+    kept = [*filter(is_valid, old), *(note for note in new if "uncounted" not in note.kind)]
+    if not is_counted.all():
+        kept.append(Note("uncounted left out" if is_counted.any() else "uncounted danced"))
+    seen: list[Note] = []
+    for note in kept:
+        if KINDS[note.kind].subject == "take" or note not in seen:
+            seen.append(note)
+    return sorted(seen, key=lambda note: (_STAGE_OF.get(note.kind, 0), place.get(note.subject, 0)))
+
+
+# How far new takes are from those that the networks were trained on.
+
+
+_MOST = 400  # words or clips of either side that are compared, evenly spaced
+_MOST_TAKES = 32  # whose words are compared, since bodies are read take by take
+_SHARE = 0.95  # of what the networks were trained on, which is nearer than what counts as far
+
+
+def novelty_notes(
+    repertoire: Repertoire,
+    genres: Sequence[str],
+    style: AnyFloats,
+    words: WordTable,
+    bodies: Sequence[AnyFloats],
+) -> list[Note]:
+    """At most one note on distances, and one on new genres.
+
+    Parameters
+    ----------
+    repertoire : without the new takes
+    genres : of the new takes
+    style : float array (N, 32)   style vectors of the new clips
+    words : of the new takes, perhaps none
+    bodies : float arrays (T, 21, 3)   body positions of the new takes at 20 fps
+
+    Motion words are compared by their distance from the nearest motif. Without motifs, clips are compared by
+    the distance of their style from that of the nearest clip of another take.
+    """
+    songs = set(repertoire.provenance.get("trained_on", ()))
+    to_songs = [index for index, take in enumerate(repertoire.takes) if take.song_name in songs]
+    trained = np.array(to_songs or range(len(repertoire.takes)), np.int64)  # all takes if songs are not known
+    notes = []
+    if repertoire.has_vocabulary and len(words.take):
+        new_m, known_m = _word_distances_m(repertoire, trained, words, bodies)
+        notes.append(_note("farther words", new_m, known_m))
+    elif len(style) and "style" in repertoire.net_names:
+        new, known = _clip_distances(repertoire, trained, style)
+        notes += [_note("farther clips", new, known)] if len(known) else []
+    known_genres = {repertoire.takes[take].credits.genre for take in trained.tolist()}
+    unknown = sorted(set(genres) - known_genres - {""})
+    if unknown and repertoire.net_names:
+        notes.append(Note("new genres", values={"genres": ", ".join(unknown), "name": repertoire.path.name}))
+    return notes
+
+
+def _note(kind: str, new: Floats, known: Floats) -> Note:
+    share = float((new > np.quantile(known, _SHARE)).mean())
+    medians = {"new": float(np.median(new)), "known": float(np.median(known))}
+    return Note(kind, values={"share": share, **medians})
+
+
+def _some(indices: Indices, most: int = _MOST) -> Indices:
+    """At most `most` of the indices, evenly spaced."""
+    at = np.linspace(0, len(indices) - 1, min(most, len(indices))).round().astype(np.int64)
+    some: Indices = indices[at]
+    return some
+
+
+def _word_distances_m(
+    repertoire: Repertoire, trained: Indices, words: WordTable, bodies: Sequence[AnyFloats]
+) -> tuple[Floats, Floats]:
+    """Distances in metres from the nearest motif: of new words, and of words of the takes before."""
+    motifs, embed = KeptMotifs.of(repertoire), repertoire.word_net().embed
+    before = repertoire.vocabulary
+    table = WordTable(before.word_take, before.word_start_s, before.word_end_s, (), ())
+    takes = _some(np.intersect1d(before.word_take, trained), _MOST_TAKES)
+    known = _some(np.flatnonzero(np.isin(before.word_take, takes)))
+    of_known = embedder_of(table, repertoire.body_pos_m, embed)(known)
+    of_new = embedder_of(words, bodies.__getitem__, embed)(_some(np.arange(len(words.take))))
+    return motifs.distances_m(of_new), motifs.distances_m(of_known)
+
+
+def _clip_distances(repertoire: Repertoire, trained: Indices, style: AnyFloats) -> tuple[Floats, Floats]:
+    """Distances of style from the nearest clip of another take: of new clips, and of clips before."""
+    kept, take = repertoire.clip_style, repertoire.clip_take
+    known = _some(np.flatnonzero(np.isin(take, trained)))
+    to_known = squared_distances(kept[known].astype(np.float64), kept.astype(np.float64))
+    to_known[take[known][:, None] == take] = np.inf
+    nearest = to_known.min(axis=1)
+    new = np.asarray(style, np.float64)[_some(np.arange(len(style)))]
+    to_new = squared_distances(new, kept.astype(np.float64)).min(axis=1)
+    return np.sqrt(to_new), np.sqrt(nearest[np.isfinite(nearest)])

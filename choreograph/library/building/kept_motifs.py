@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.core.timebase import NET_FPS, WORD_FRAMES
-from choreograph.library.motifs import Motifs
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import Vocabulary, make_vocabulary
-from choreograph.library.words import poses_at
+from choreograph.library.vocabulary import Motifs, Vocabulary, make_vocabulary, poses_at
 from choreograph.motion.body import clips_to_root_frame
 
 _SAME_S = 1e-6  # largest difference of the times of one word
@@ -116,7 +114,7 @@ class KeptMotifs:
 def words_of_body(body_pos_m: AnyFloats, start_s: Floats, end_s: Floats) -> Floats:
     """Words (N, 13, 21, 3) of a take, from its body positions (T, 21, 3) at 20 fps, in their root frames.
 
-    They are coarser than those of `library.words.segment_words`, and a repertoire has all that is needed.
+    They are coarser than those of `segment_words`, and a repertoire has all that is needed.
     """
     share = np.linspace(0.0, 1.0, WORD_FRAMES)
     times_s = start_s[:, None] + (end_s - start_s)[:, None] * share  # (N, 13)

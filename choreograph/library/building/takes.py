@@ -25,11 +25,16 @@ from choreograph.formats.register import annotate_takes, read_source
 from choreograph.library.building.counting import CountDecision, Counting, count_notes, counted_take
 from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.options import BuildOptions
-from choreograph.library.motifs import WORDS_PER_MOTIF, find_motifs
 from choreograph.library.notes import Note
 from choreograph.library.songs import SongCache
-from choreograph.library.vocabulary import Vocabulary, make_vocabulary
-from choreograph.library.words import Words, segment_words
+from choreograph.library.vocabulary import (
+    WORDS_PER_MOTIF,
+    Vocabulary,
+    Words,
+    find_motifs,
+    make_vocabulary,
+    segment_words,
+)
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import has_bones

@@ -1,1 +1,0 @@
-"""The addresses of the studio, a module for each concern."""
