@@ -18,7 +18,7 @@ _REACH = 4  # counts around the ends of a loop in a song whose bars are not know
 
 
 @dataclass(frozen=True)
-class Loop:
+class LoopPoints:
     """A span that can be repeated."""
 
     start_s: float
@@ -34,7 +34,7 @@ class Loop:
     """Distance of its end from its start, as in the matrix of distances in which it was found."""
 
 
-def best_loops(distances: Floats, counts: Counts) -> tuple[Loop, ...]:
+def best_loops(distances: Floats, counts: Counts) -> tuple[LoopPoints, ...]:
     """For each length, the loop whose end is nearest to its start, by length.
 
     Loops last 1, 2, 4, 8, 16 or 32 bars, from count 1 to count 1, or so many counts if bars are not known.
@@ -54,7 +54,7 @@ def best_loops(distances: Floats, counts: Counts) -> tuple[Loop, ...]:
         best = int(np.argmin(away))
         start, end = int(first[best]), int(last[best])
         times_s = counts.times_s
-        loops.append(Loop(float(times_s[start]), float(times_s[end]), end - start, float(away[best])))
+        loops.append(LoopPoints(float(times_s[start]), float(times_s[end]), end - start, float(away[best])))
     return tuple(loops)
 
 

@@ -24,7 +24,7 @@ from choreograph.formats import motion_formats
 
 if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
-    from choreograph.choreography.loops import Loop
+    from choreograph.choreography.loops import LoopPoints
     from choreograph.core.counts import Figure
     from choreograph.formats.bvh import BvhOptions, Naming, RestPose
     from choreograph.formats.targets import TargetName
@@ -335,7 +335,7 @@ def _doubt(counted: CountedFile) -> str:
     return f"{source}, confidence {counts.confidence:.2f}{doubt}"
 
 
-def _loop(loop: Loop, counted: CountedFile) -> str:
+def _loop(loop: LoopPoints, counted: CountedFile) -> str:
     length = number_of(loop.n_counts, "count")
     if counted.counts.has_bars and loop.n_counts % counted.counts.metre == 0:
         length = number_of(loop.n_counts // counted.counts.metre, "bar")

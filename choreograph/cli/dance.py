@@ -1,6 +1,6 @@
 """`choreograph dance`, which makes a dance for a song, or for each of several.
 
-A `Job` is a song with the files of its dances. All is checked before any work: names of files, settings
+A `DanceJob` is a song with the files of its dances. All is checked before any work: names of files, settings
 and edits. Then `SongDances` makes the dances of each job, in this process or in others, and `present` prints
 them.
 """
@@ -112,13 +112,13 @@ def command(
         click.launch(page.resolve().as_uri())
 
 
-def _shared(read: Sequence[Path], jobs: Sequence[Job]) -> list[Path]:
+def _shared(read: Sequence[Path], jobs: Sequence[DanceJob]) -> list[Path]:
     """The files that are read for more than one song."""
     songs = {job.song for job in jobs}
     return [path for path in read if path not in songs]
 
 
-def _checked_sounds(target: str | None, jobs: Sequence[Job], read: Sequence[Path]) -> list[Path]:
+def _checked_sounds(target: str | None, jobs: Sequence[DanceJob], read: Sequence[Path]) -> list[Path]:
     """The sounds that the program of --for plays with outputs.
 
     Raises `ParameterError` if the program reads no output, or a sound would replace another file.
@@ -168,7 +168,7 @@ class SongDances:
     first: tuple[Path, DanceArguments] | None = None  # the arguments of the first song
     command: str = field(default_factory=lambda: uuid4().hex)  # so that a later one opens its files anew
 
-    def result(self, job: Job, report: ProgressReport | None = None) -> Result:
+    def result(self, job: DanceJob, report: ProgressReport | None = None) -> Result:
         """Make the dances of a job and write its files. Raises `ChoreographError` if this is impossible."""
         from choreograph.pipeline.saving import options_used
 
@@ -189,14 +189,14 @@ class SongDances:
                 one.save(path, **options_used(path, options), report=report)
         return Result(job, tuple(Danced.of(one, files) for one in made))
 
-    def attempted(self, job: Job, report: ProgressReport | None = None) -> Result:
+    def attempted(self, job: DanceJob, report: ProgressReport | None = None) -> Result:
         """As `result`, with the reason if it is impossible."""
         try:
             return self.result(job, report)
         except ChoreographError as error:
             return Result(job, error=" ".join(str(error).split()))
 
-    def sent(self, folder: Path, job: Job, *, stage: bool = False) -> tuple[Result, list[bytes]]:
+    def sent(self, folder: Path, job: DanceJob, *, stage: bool = False) -> tuple[Result, list[bytes]]:
         """As `attempted`, on a machine that may not write the files, with their contents.
 
         Relative paths are those of `folder`. With `stage`, the files that are read were sent along.
@@ -229,7 +229,7 @@ class SongDances:
         path, map_path = self.files.character, self.files.map_path
         return None if path is None else _opened_character(path, map_path, self.command)
 
-    def _made(self, job: Job, report: ProgressReport | None) -> list[Dance]:
+    def _made(self, job: DanceJob, report: ProgressReport | None) -> list[Dance]:
         import choreograph as cg
 
         repertoire, asked = self.repertoire(), self.asked
@@ -259,7 +259,7 @@ class SongDances:
         return cg.Dance(motion, plan, notes, self.sound, figures=danced_figures(plan, repertoire))
 
 
-def with_checked_requests(dances: SongDances, jobs: Sequence[Job]) -> SongDances:
+def with_checked_requests(dances: SongDances, jobs: Sequence[DanceJob]) -> SongDances:
     """`dances` with the edits, or with the arguments of the first song. Raises if they are wrong."""
     if dances.plan_path is not None:
         return dances
@@ -272,7 +272,7 @@ def with_checked_requests(dances: SongDances, jobs: Sequence[Job]) -> SongDances
 
 
 def run_jobs(
-    jobs: Sequence[Job],
+    jobs: Sequence[DanceJob],
     dances: SongDances,
     shown: Stages | StageLines,
     *,
@@ -306,10 +306,10 @@ def run_jobs(
 
 
 def _here(
-    jobs: Sequence[Job], dances: SongDances, shown: Stages | StageLines, is_alone: bool
+    jobs: Sequence[DanceJob], dances: SongDances, shown: Stages | StageLines, is_alone: bool
 ) -> Iterator[Result]:
     """The results of this process, or of several on this machine."""
-    make: Callable[[Job], Result] = (
+    make: Callable[[DanceJob], Result] = (
         partial(dances.attempted, report=shown.report) if is_alone else dances.attempted
     )
     return each(make, jobs, killed=_killed, fewest=_FEWEST)
@@ -321,7 +321,7 @@ class _Sent:
 
     dances: SongDances
     folder: Path  # of relative paths
-    job: Job
+    job: DanceJob
     stage: bool
 
     def result(self) -> tuple[Result, list[bytes]]:
@@ -335,7 +335,7 @@ class _Sent:
 
 
 def _elsewhere(
-    jobs: Sequence[Job], dances: SongDances, cluster: Cluster, shared: Sequence[Path]
+    jobs: Sequence[DanceJob], dances: SongDances, cluster: Cluster, shared: Sequence[Path]
 ) -> Iterator[Result]:
     """The results of the workers of a cluster, whose files are written here."""
     shared = _with_files_inside(shared)
@@ -360,7 +360,7 @@ def _with_files_inside(paths: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _killed(job: Job) -> Result:
+def _killed(job: DanceJob) -> Result:
     why = "expected the dance to end, but the process that made it was killed twice: too little memory?"
     return Result(job, error=why)
 
@@ -386,7 +386,7 @@ Outputs = tuple[Path, ...]  # the files of one dance
 
 
 @dataclass(frozen=True)
-class Job:
+class DanceJob:
     """A song, or a plan, and the files of each of its dances."""
 
     song: Path
@@ -413,12 +413,14 @@ class Danced:
 class Result:
     """The result of a job: its dances, or the reason why there are none."""
 
-    job: Job  # its song and files
+    job: DanceJob  # its song and files
     dances: tuple[Danced, ...] = ()  # one for each variation
     error: str = ""  # why there are none
 
 
-def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int | None) -> tuple[Job, ...]:
+def jobs_of(
+    songs: Sequence[Path], given: Outputs, opened: bool, variations: int | None
+) -> tuple[DanceJob, ...]:
     """A job for each song.
 
     Raises `ParameterError` for no song, a number of variations out of range, or two songs with one file.
@@ -427,7 +429,7 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
         raise ParameterError("expected a SONG, or --plan FILE. `choreograph songs` lists a few to begin with")
     if variations is not None and not 1 <= variations <= MAX_VARIATIONS:
         raise ParameterError(f"expected 1 to {MAX_VARIATIONS} variations, got {variations}")
-    jobs = tuple(Job(song, _outputs_for(song, given, opened, variations)) for song in songs)
+    jobs = tuple(DanceJob(song, _outputs_for(song, given, opened, variations)) for song in songs)
     hint = f": put {SONG} into the name" if len(songs) > 1 and given else ""
     check_apart(_paths(jobs), (), hint=hint)
     if opened and len(songs) > 1:
@@ -436,8 +438,8 @@ def jobs_of(songs: Sequence[Path], given: Outputs, opened: bool, variations: int
 
 
 def with_free_names(
-    jobs: Sequence[Job], given: Outputs, inputs: Sequence[Path], *, force: bool
-) -> tuple[tuple[Job, ...], tuple[str, ...]]:
+    jobs: Sequence[DanceJob], given: Outputs, inputs: Sequence[Path], *, force: bool
+) -> tuple[tuple[DanceJob, ...], tuple[str, ...]]:
     """The jobs, renamed where files exist that no dance made here may replace, and notes on these.
 
     Names `given` by the user stay. The others, which contain the name of a song, are changed if they are
@@ -472,7 +474,7 @@ def with_free_names(
     return jobs, tuple(notes)
 
 
-def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path]) -> None:
+def check_jobs(jobs: Sequence[DanceJob], save_map: Path | None, inputs: Sequence[Path]) -> None:
     """Raise before any work if a file is an input or cannot be written. Makes the folders."""
     from choreograph.pipeline.saving import check_outputs
 
@@ -488,7 +490,7 @@ def check_jobs(jobs: Sequence[Job], save_map: Path | None, inputs: Sequence[Path
     check_apart([*paths, *([save_map] if save_map else [])], inputs)
 
 
-def _paths(jobs: Sequence[Job]) -> list[Path]:
+def _paths(jobs: Sequence[DanceJob]) -> list[Path]:
     return [path for job in jobs for outputs in job.outputs for path in outputs]
 
 

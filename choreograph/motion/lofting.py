@@ -12,7 +12,7 @@ from choreograph.core.splines import monotone_cubic
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class MeshPiece:
     """One closed surface of the mannequin."""
 
     vertices_m: Floats  # (V, 3)
@@ -66,7 +66,7 @@ def loft(
     end_cap_m: float = 0.0,
     cap_rings: int = 2,
     squareness: float = 2.0,
-) -> Piece:
+) -> MeshPiece:
     """The closed surface through rings.
 
     The ends are rounded over `start_cap_m` and `end_cap_m` with `cap_rings` rings and a pole each.
@@ -93,11 +93,11 @@ def loft(
     ring_of = np.concatenate([np.repeat(np.arange(n_rings), sides), [0, n_rings - 1]])
     vertices = np.concatenate([points.reshape(-1, 3), poles])  # (R · sides + 2, 3)
     gap_parts = np.asarray(parts)[bands[gaps]] if np.ndim(parts) else np.full(len(gaps), parts)
-    piece = Piece(vertices, triangles, rings.joints[ring_of], rings.weights[ring_of], gap_parts)
+    piece = MeshPiece(vertices, triangles, rings.joints[ring_of], rings.weights[ring_of], gap_parts)
     return outside_out(piece)
 
 
-def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides: int = 14) -> Piece:
+def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides: int = 14) -> MeshPiece:
     """An ellipsoid about `centre_m` (3,), with the rows of `axes_m` (3, 3) as half-axes, bound to a joint."""
     lengths = np.maximum(np.linalg.norm(axes_m, axis=1), 1e-9)
     unit = axes_m / lengths[:, None]
@@ -117,7 +117,7 @@ def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides:
     return replace(piece, vertices_m=vertices)
 
 
-def outside_out(piece: Piece) -> Piece:
+def outside_out(piece: MeshPiece) -> MeshPiece:
     """The piece with triangles counter-clockwise seen from outside, so that its signed volume is positive."""
     a, b, c = (piece.vertices_m[piece.triangles[:, k]] for k in range(3))
     if np.einsum("ij,ij->", a - piece.vertices_m[0], np.cross(b - a, c - a)) < 0:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from choreograph.core.numerics import Floats
 from choreograph.motion.bind_pose import UP, Body
 from choreograph.motion.lofting import (
-    Piece,
+    MeshPiece,
     Rings,
     ellipsoid,
     frames_along,
@@ -47,7 +47,7 @@ _CHIN_BELOW_HEAD_M = 0.035
 _SKULL_BEHIND_HEAD_M = 0.004
 
 
-def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
+def trunk(body: Body, torso: int, pelvis: int, skin: int) -> MeshPiece:
     """The trunk, from the crotch to the base of the neck, which bends with the spine and the collar bones."""
     at = np.unique(
         np.concatenate(
@@ -75,7 +75,7 @@ def trunk(body: Body, torso: int, pelvis: int, skin: int) -> Piece:
     return piece
 
 
-def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
+def _hang_on_collars(piece: MeshPiece, body: Body, low: Floats, up: Floats) -> None:
     """Bind the trunk's vertices around the shoulders to the collar bones, in place."""
     places = piece.vertices_m - low
     height = places @ up / (up @ up)
@@ -91,7 +91,7 @@ def _hang_on_collars(piece: Piece, body: Body, low: Floats, up: Floats) -> None:
         piece.weights[moved] = shares(share[moved])
 
 
-def neck(body: Body, part: int) -> Piece:
+def neck(body: Body, part: int) -> MeshPiece:
     """The neck, from inside the chest to inside the skull."""
     base, skull = body.neck_base(), body.head_place()
     chain = [body.spine[-1], body.roles.get("neck", body.spine[-1]), body.head_joint()]
@@ -106,7 +106,7 @@ def neck(body: Body, part: int) -> Piece:
     return loft(rings, part, sides=14)
 
 
-def head(body: Body, skin: int, hair: int) -> list[Piece]:
+def head(body: Body, skin: int, hair: int) -> list[MeshPiece]:
     """The skull with chin, nose and brow, the ears, and hair that does not cover the face."""
     k, joint = body.scale, body.head_joint()
     chin = body.head_place() - k * (_CHIN_BELOW_HEAD_M * UP + _SKULL_BEHIND_HEAD_M * body.front)
@@ -222,13 +222,13 @@ _BALL_AHEAD_M = 0.13  # of the ankle, in the table above
 _ANKLE_M = 0.07  # over the sole, in the table above
 
 
-def leg(body: Body, side: str, part: int, shorts: int) -> list[Piece]:
+def leg(body: Body, side: str, part: int, shorts: int) -> list[MeshPiece]:
     """The leg, from inside the pelvis to inside the shoe."""
     names, caps = ("hip", "knee", "ankle"), (0.060, 0.03)
     return _limb(body, [f"{side}_{name}" for name in names], _LEG, caps, (shorts, _SHORTS), part)
 
 
-def arm(body: Body, side: str, part: int, sleeve: int) -> list[Piece]:
+def arm(body: Body, side: str, part: int, sleeve: int) -> list[MeshPiece]:
     """The arm, from inside the shoulder to the wrist."""
     names, caps = ("shoulder", "elbow", "wrist"), (0.038, 0.018)
     return _limb(body, [f"{side}_{name}" for name in names], _ARM, caps, (sleeve, _SLEEVE), part)
@@ -241,7 +241,7 @@ def _limb(
     caps_m: tuple[float, float],
     cloth: tuple[int, float],
     part: int,
-) -> list[Piece]:
+) -> list[MeshPiece]:
     """A tube across the middle joint, and a ball that fills the bend. `cloth` is its part and lower end."""
     start, middle, end = (body.place(role) for role in roles)
     joints = [body.roles[role] for role in roles]
@@ -268,7 +268,7 @@ def _limb(
     return [tube, ellipsoid(middle + ahead[knee] * (front - back) / 2, axes, joints[1], part, sides=10)]
 
 
-def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
+def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[MeshPiece]:
     """A palm with the thumb to the front and, if `fingers`, four slightly curled fingers."""
     k, wrist = body.scale, body.place(f"{side}_wrist")
     along = wrist - body.place(f"{side}_elbow")
@@ -300,7 +300,7 @@ def hand(body: Body, side: str, part: int, *, fingers: bool) -> list[Piece]:
     return pieces
 
 
-def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> Piece:
+def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> MeshPiece:
     """A rounded tube along three points (3, 3)."""
     across, ahead = frames_along(np.gradient(line_m, axis=0), UP)
     still = np.full((len(line_m), 2), joint), shares(np.zeros(len(line_m)))
@@ -308,7 +308,7 @@ def _finger(line_m: Floats, radii_m: Floats, joint: int, part: int) -> Piece:
     return loft(rings, part, sides=6, start_cap_m=0.5 * radii_m[0], end_cap_m=radii_m[-1], cap_rings=1)
 
 
-def shoe(body: Body, side: str, part: int) -> Piece:
+def shoe(body: Body, side: str, part: int) -> MeshPiece:
     """A shoe with its sole on the floor that bends at the ball of the foot."""
     ankle, ball = body.place(f"{side}_ankle"), body.roles.get(f"{side}_foot")
     reach = (body.pos_m[ball] - ankle) * [1.0, 0.0, 1.0] if ball is not None else np.zeros(3)
@@ -349,7 +349,7 @@ def taper(
     *,
     sides: int = 10,
     rings: int = 4,
-) -> Piece:
+) -> MeshPiece:
     """A tapered bone from `start` to `end` (3,), with rounded ends, bound to one joint."""
     at = np.linspace(0.0, 1.0, rings)[:, None]
     radii = (wide_m + (thin_m - wide_m) * at) * np.ones(3)
@@ -361,6 +361,6 @@ def taper(
     return loft(line, part, sides=sides, start_cap_m=wide_m, end_cap_m=thin_m)
 
 
-def knob(centre_m: Floats, radius_m: float, joint: int, part: int) -> Piece:
+def knob(centre_m: Floats, radius_m: float, joint: int, part: int) -> MeshPiece:
     """A ball at a joint."""
     return ellipsoid(centre_m, radius_m * np.eye(3), joint, part, sides=10)

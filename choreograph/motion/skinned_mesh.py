@@ -11,7 +11,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.bind_pose import standing_body
-from choreograph.motion.lofting import Piece, vertex_normals
+from choreograph.motion.lofting import MeshPiece, vertex_normals
 from choreograph.motion.mannequin import arm, hand, head, knob, leg, neck, shoe, taper, trunk
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
@@ -134,7 +134,7 @@ def _covered(skeleton: Skeleton, roles: dict[str, int]) -> set[int]:
 
 def _extra_bones(
     skeleton: Skeleton, pos_m: Floats, quat: Floats, covered: set[int], thickest_m: float
-) -> list[Piece]:
+) -> list[MeshPiece]:
     """A tapered bone to each joint that is not covered, and to the bone tips of such joints."""
     ends = [(int(skeleton.parents[j]), pos_m[j]) for j in range(1, skeleton.n_joints) if j not in covered]
     for owner, tip in zip(skeleton.tip_parents, skeleton.tips_m, strict=True):
@@ -157,7 +157,7 @@ def _bone_mannequin(skeleton: Skeleton) -> SkinnedMesh:
     return _merged_mesh([ball, *bones], pos_m, quat)
 
 
-def _merged_mesh(pieces: list[Piece], pos_m: Floats, quat: Floats) -> SkinnedMesh:
+def _merged_mesh(pieces: list[MeshPiece], pos_m: Floats, quat: Floats) -> SkinnedMesh:
     """One mesh of all pieces. A vertex on the border of two parts is duplicated."""
     starts = np.cumsum([0] + [len(piece.vertices_m) for piece in pieces])
     triangles = np.concatenate(

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from choreograph.choreography.loops import Loop, best_loops, pose_distances, song_distances
+from choreograph.choreography.loops import LoopPoints, best_loops, pose_distances, song_distances
 from choreograph.choreography.song_analysis import song_structure
 from choreograph.core.counts import FROM_MUSIC, NO_COUNTS, Counts, Figure
 from choreograph.core.errors import ParameterError
@@ -52,7 +52,7 @@ class CountedFile:
     counts: Counts
     """Its counts, or none if none were found."""
 
-    loops: tuple[Loop, ...]
+    loops: tuple[LoopPoints, ...]
     """The best loop of each length. Its distance is that of the poses in metres, or that of the music, in
     which 1 is the distance of any two places of the song."""
 

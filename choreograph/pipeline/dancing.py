@@ -55,7 +55,7 @@ from choreograph.pipeline.keeping import (
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan.plan import Plan
 from choreograph.render.assembly import off_stage
-from choreograph.render.filled_gaps import Loop, looped
+from choreograph.render.filled_gaps import LoopedMotion, looped
 from choreograph.render.rendering import FirstPart, render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
@@ -113,7 +113,7 @@ class Dance:
 
     @cached_property
     @default_numerics()
-    def loop(self) -> Loop:
+    def loop(self) -> LoopedMotion:
         """The dance cut to whole bars, ending where it begins. Raises `ParameterError` below two bars."""
         return looped(self.motion, self.plan.danced_bars_s)
 

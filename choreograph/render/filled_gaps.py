@@ -194,7 +194,7 @@ _LOOK_AHEAD_S = 0.1  # velocities count as the distance that they cover in it
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class LoopedMotion:
     """A motion whose last frame is its first, and its place in the dance."""
 
     motion: Motion
@@ -210,7 +210,7 @@ class Loop:
     """Number of bars between start and end."""
 
 
-def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:
+def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> LoopedMotion:
     """The motion from one start of a bar to another, corrected and blended so that it ends where it begins.
 
     Of the spans with three quarters or more of the bars, it is the one whose ends are the most similar in
@@ -240,7 +240,7 @@ def looped(motion: Motion, bar_times_s: Sequence[float] | Floats) -> Loop:
     n_frames = stop - start
     filling = motion.sliced(start, stop + kept)
     made = fill_gaps(held, filling, [(0, kept), (n_frames, n_frames + kept)])
-    return Loop(
+    return LoopedMotion(
         made.sliced(0, n_frames + 1), float(frames[first]) / motion.fps, stop / motion.fps, last - first
     )
 

@@ -93,7 +93,7 @@ def warps() -> tuple[float, float]:
 # What an exact plan does, besides the search itself.
 PARTS_OF_PLAN = {
     "costs of edges": (
-        "choreography.graph.forward:Steps._edges_to",
+        "choreography.graph.forward:SearchStep._edges_to",
         *(f"choreography.graph.forward:_CompiledEdges.{name}" for name in ("of_pairs", "bound", "cheapest")),
     ),
     "costs of nodes": ("choreography.graph.planners:allowed_nodes",),
@@ -159,7 +159,7 @@ def searches(layers: list) -> tuple[Callable[[], float], Callable[[], float]]:
 
     def own() -> float:
         with ThreadPoolExecutor(1) as pool:
-            step = forward.Steps((), None, pool)
+            step = forward.SearchStep((), None, pool)
             step._edges_to = lambda layer, following: known[layer.second]
             reached, parents = np.zeros(layers[0].n_nodes), []
             for layer, following in pairwise(layers):

@@ -20,16 +20,16 @@ from choreograph.choreography.graph.costs import (
     Genre,
     Pace,
     Phrasing,
-    Repeat,
+    RepeatCost,
     Rhythm,
     Seed,
-    Steps,
+    StepsCost,
     Transition,
     Velocity,
 )
 from choreograph.choreography.graph.kernels import COMPILED, COMPILED_OF_PATH
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
-from choreograph.choreography.graph.path_costs import FormCost, Front, Variety
+from choreograph.choreography.graph.path_costs import FormCost, FrontCost, Variety
 from choreograph.core.errors import ParameterError
 from choreograph.motion.body import BODY_JOINTS
 
@@ -168,7 +168,7 @@ def test_steps_are_dense_where_onsets_are(layers):
     layer = replace(layer, steps=np.linspace(0, 1, layer.n_nodes))
     for density in (0.0, 0.3, 1.0):
         onset_density = np.full(song_features.n_seconds, density)
-        cost = Steps().node(layer, replace(song_features, onset_density=onset_density))
+        cost = StepsCost().node(layer, replace(song_features, onset_density=onset_density))
         assert np.argmin(cost) == np.argmin(np.abs(layer.steps - density))
         np.testing.assert_allclose(cost, np.abs(layer.steps - density))
 
@@ -252,11 +252,11 @@ def test_the_front_follows_the_heading_of_the_dance(second, tracked):
     a = replace(a, turn_rad=np.linspace(-3.0, 3.0, a.n_nodes))
     b = replace(b, steer_rad=0.25)
     by_hand = [[front_by_hand(a, b, i, j, song_features) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
-    assert np.allclose(Front().edge(a, b, song_features), by_hand, atol=1e-5)
+    assert np.allclose(FrontCost().edge(a, b, song_features), by_hand, atol=1e-5)
     jumps = np.array(by_hand)
     jumps[a.successors_in(b)] = np.inf
-    assert (jumps.min(axis=0) >= Front().min_edge_costs(a, b, song_features) - 1e-6).all()
-    assert Front().node(b, song_features) is None  # the heading depends on how it is reached
+    assert (jumps.min(axis=0) >= FrontCost().min_edge_costs(a, b, song_features) - 1e-6).all()
+    assert FrontCost().node(b, song_features) is None  # the heading depends on how it is reached
 
 
 def test_a_dance_that_begins_at_the_front_is_free_and_one_at_the_back_costs_1(monkeypatch):
@@ -266,7 +266,7 @@ def test_a_dance_that_begins_at_the_front_is_free_and_one_at_the_back_costs_1(mo
         monkeypatch.setattr(
             type(source._poses), "headings_rad", lambda _, clip, frames, h=headings: h + 0.0 * frames
         )
-        assert Front().node(source.layer(0), song_features) == pytest.approx(expected, abs=1e-6)
+        assert FrontCost().node(source.layer(0), song_features) == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_take_turns_what_follows_it_by_what_it_turns_itself():
@@ -309,7 +309,7 @@ def test_repeat_is_1_for_going_back_less_than_a_clip_in_one_take(layers):
     a, b, song_features = layers
     back = a.take_frames[:, 1][:, None] - b.take_frames[:, 0][None]
     by_hand = (a.take[:, None] == b.take[None]) & (back > 5) & (back < 160)
-    cost = Repeat().edge(a, b, song_features)
+    cost = RepeatCost().edge(a, b, song_features)
     assert np.array_equal(cost, by_hand)
     assert 0 < cost.sum() < cost.size
     here, there = a.successors_in(b)
@@ -414,8 +414,8 @@ def test_a_cost_of_ones_own_declares_nothing_and_has_defaults():
 
 def test_the_compiled_costs_are_in_the_order_of_their_sum():
     assert [kind for kind in BUILTIN_COSTS if kind in COMPILED] == list(COMPILED)
-    assert (Front, Variety, FormCost, Signature) == COMPILED_OF_PATH
-    assert {MotifTransition, Completeness, Repeat} < set(COMPILED)
+    assert (FrontCost, Variety, FormCost, Signature) == COMPILED_OF_PATH
+    assert {MotifTransition, Completeness, RepeatCost} < set(COMPILED)
 
 
 def test_weights_are_given_or_default():

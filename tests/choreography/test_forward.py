@@ -9,11 +9,11 @@ import pytest
 from synthetic_layers import random_source
 
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs
-from choreograph.choreography.graph.costs import Completeness, Phrasing, Repeat, Transition, Velocity
-from choreograph.choreography.graph.forward import Steps
+from choreograph.choreography.graph.costs import Completeness, Phrasing, RepeatCost, Transition, Velocity
+from choreograph.choreography.graph.forward import SearchStep
 from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
-from choreograph.choreography.graph.path_costs import Front, Variety
+from choreograph.choreography.graph.path_costs import FrontCost, Variety
 from choreograph.choreography.material import MotifGoal
 
 N_MOTIFS = 5
@@ -23,7 +23,7 @@ def weighted(song_features) -> list[WeightedCost]:
     """The built-in costs of edges, in the order of a dance."""
     rng = np.random.default_rng(0)
     goal = MotifGoal(np.full(N_MOTIFS, 1 / N_MOTIFS), rng.dirichlet(np.ones(N_MOTIFS), N_MOTIFS))
-    of_music = Completeness(), Transition(), Velocity(), Phrasing(), Front(), Variety(), Repeat()
+    of_music = Completeness(), Transition(), Velocity(), Phrasing(), FrontCost(), Variety(), RepeatCost()
     of_motifs = Signature([(0, goal)], song_features), MotifTransition([(0, goal)], song_features)
     return [WeightedCost(cost, 0.7 + 0.3 * i) for i, cost in enumerate((*of_music, *of_motifs))]
 
@@ -38,7 +38,7 @@ def test_compiled_edges_are_those_of_edge_costs_to_the_bit(seed):
     fixed = [one for one in costs if not one.cost.of_path]
     rng = np.random.default_rng(seed)
     with ThreadPoolExecutor(1) as pool:
-        step = Steps(costs, song_features, pool)
+        step = SearchStep(costs, song_features, pool)
         layer, reached = allowed_nodes(source.layer(0), costs, song_features)
         layer = with_history(layer, layer)
         for second in range(1, source.n_seconds):
@@ -68,7 +68,7 @@ def test_a_step_finds_the_cheapest_way_into_every_node(n_clips, weight, compiled
     costs = costs if compiled else costs[::-1]  # those in another order are not compiled
     n_jumps = 0
     with ThreadPoolExecutor(1) as pool:
-        step = Steps(costs, song_features, pool)
+        step = SearchStep(costs, song_features, pool)
         layer, reached = allowed_nodes(source.layer(0), costs, song_features)
         layer = with_history(layer, layer)
         for second in range(1, source.n_seconds):
@@ -105,7 +105,7 @@ def test_a_jump_that_saves_next_to_nothing_is_found_from_any_node(node, bound):
     layer, following = source.layer(3), source.layer(4)
     cost = WeightedCost(OneWay(int(layer.segment[node]), bound), 1.0)
     with ThreadPoolExecutor(1) as pool:
-        best, parent = Steps([cost], song_features, pool)(layer, following, np.zeros(layer.n_nodes))
+        best, parent = SearchStep([cost], song_features, pool)(layer, following, np.zeros(layer.n_nodes))
     assert best == pytest.approx(np.full(following.n_nodes, 0.99)) and set(parent) == {node}
 
 
@@ -118,7 +118,7 @@ def test_a_cost_of_negative_weight_has_no_bound(node):
     reached[node] = -0.5  # which is the first to be tried
     reached[(node + 140) % layer.n_nodes] = -0.505
     with ThreadPoolExecutor(1) as pool:
-        best, _ = Steps([cost], song_features, pool)(layer, following, reached)
+        best, _ = SearchStep([cost], song_features, pool)(layer, following, reached)
     assert best == pytest.approx(np.full(following.n_nodes, -1.505))
 
 
@@ -132,7 +132,7 @@ def test_edges_of_other_costs_are_not_evaluated_ahead():
     layer, reached = allowed_nodes(source.layer(0), costs, song_features)
     following, _ = allowed_nodes(source.layer(1), costs, song_features)
     with ThreadPoolExecutor(1) as pool:
-        step = Steps(costs, song_features, pool)
+        step = SearchStep(costs, song_features, pool)
         step(layer, following, reached)
         assert step.fixed(np.arange(2), np.arange(3)) is None
         assert step.from_one(layer.subset(np.array([1])), 1).tolist() == [2.0] * following.n_nodes

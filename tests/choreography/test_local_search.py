@@ -13,7 +13,7 @@ from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
 from choreograph.choreography.graph.local_search import CheapNodes, _Noise
 from choreograph.choreography.graph.motif_costs import Signature
-from choreograph.choreography.graph.path_costs import Front, Variety
+from choreograph.choreography.graph.path_costs import FrontCost, Variety
 from choreograph.choreography.graph.planners import plan_exact
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.motion.body import BODY_JOINTS
@@ -31,7 +31,7 @@ def searched(seed=0, n_seconds=5, k=2, *, n_motifs=0, usage=True):
     source, song_features = random_source(
         seed, n_seconds=n_seconds, k=k, n_motifs=n_motifs, tie_break_s=np.array([0.0, 0.1]) if usage else None
     )
-    costs = [WeightedCost(Preference(), 1.0), WeightedCost(Variety(), 6.0), WeightedCost(Front(), 0.5)]
+    costs = [WeightedCost(Preference(), 1.0), WeightedCost(Variety(), 6.0), WeightedCost(FrontCost(), 0.5)]
     if n_motifs:
         goal = MotifGoal(np.full(n_motifs, 1 / n_motifs), np.full((n_motifs, n_motifs), 1 / n_motifs))
         costs.append(WeightedCost(Signature([(0, goal)], song_features), 3.0))

@@ -12,7 +12,7 @@ from synthetic_motions import swaying
 
 import choreograph as cg
 from choreograph.choreography.graph.local_search import with_history
-from choreograph.choreography.graph.path_costs import Stage
+from choreograph.choreography.graph.path_costs import StageCost
 from choreograph.choreography.mixer.engine import _stage_costs as stage_costs
 from choreograph.choreography.mixer.words import SEARCHES, Candidates, search_words
 from choreograph.core.arguments import as_stage_m
@@ -47,7 +47,7 @@ def test_places_follow_the_path_and_the_cost_is_the_distance_beyond_the_borders(
     first, then = replace(first, steer_rad=0.25), replace(then, steer_rad=0.25)
     first = with_history(first, first)
     np.testing.assert_allclose(first.place_m, first.walk_m[:, -1])  # from the middle, not rotated
-    costs = Stage((2.0, 1.0)).edge(first, then, song)
+    costs = StageCost((2.0, 1.0)).edge(first, then, song)
     assert costs.shape == (first.n_nodes, then.n_nodes)
     for i in range(0, first.n_nodes, 3):
         reached = with_history(then, first, np.full(then.n_nodes, i))

@@ -12,7 +12,7 @@ import pytest
 from command_line import assert_one_line, run
 from schedulers import scheduler_with_workers
 
-from choreograph.cli.dance import Job, SongDances, _Sent, _with_files_inside
+from choreograph.cli.dance import DanceJob, SongDances, _Sent, _with_files_inside
 from choreograph.cli.dance import command as dance
 from choreograph.cli.dance_options import DanceOptions, FileOptions, options_of
 from choreograph.core.clusters import Cluster
@@ -129,7 +129,7 @@ def test_what_was_sent_is_danced_without_the_files_it_was_made_of(songs, db, tmp
     here = tmp_path / "here.h5"
     here.write_bytes(Path(db).read_bytes())
     given = dance.make_context("dance", ["a.wav", "--duration", "4"]).params
-    job = Job(Path("a.wav").absolute(), ((Path("a.bvh"),),))
+    job = DanceJob(Path("a.wav").absolute(), ((Path("a.bvh"),),))
     files, asked = options_of(FileOptions, given), options_of(DanceOptions, given)
     dances = SongDances((here,), asked, files, None, False, None, None)
     sent = _Sent(dances, Path.cwd(), job, True)

@@ -17,7 +17,7 @@ from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
 import choreograph as cg
-from choreograph.cli.dance import Job, jobs_of, with_free_names
+from choreograph.cli.dance import DanceJob, jobs_of, with_free_names
 from choreograph.cli.declared import Changed, Input, Output
 from choreograph.formats.register import save_motion
 from choreograph.pipeline.saving import is_saved_dance
@@ -189,7 +189,7 @@ def test_a_song_named_by_dots_stays_in_its_folder(tmp_path, monkeypatch):
 # Names that are chosen by default
 
 
-def named(jobs: tuple[Job, ...]) -> list[str]:
+def named(jobs: tuple[DanceJob, ...]) -> list[str]:
     return [str(path) for job in jobs for outputs in job.outputs for path in outputs]
 
 

@@ -12,7 +12,7 @@ from choreograph.choreography.constraints import TakePin
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.genres import song_metre_at
 from choreograph.choreography.graph.cost import Cost, WeightedCost
-from choreograph.choreography.graph.costs import Energy, Steps
+from choreograph.choreography.graph.costs import Energy, StepsCost
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import Signature, words_between
 from choreograph.choreography.graph.returns import Returns
@@ -315,7 +315,7 @@ def _effort_mismatch(request: DanceRequest, costs: Sequence[WeightedCost]) -> Ca
     """Mismatch of each clip (N,) with a second in energy and in density of steps, if they have weights."""
     repertoire, features = request.repertoire, request.song_features
     weights = {type(w.cost): w.weight for w in costs}
-    energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, Steps))
+    energy, steps = (_EFFORT * (weights.get(cost, 0.0) > 0) for cost in (Energy, StepsCost))
 
     def mismatch(second: int) -> AnyFloats:
         louder = float(features.energy[second : second + SEGMENT_S].mean() - features.energy.mean())

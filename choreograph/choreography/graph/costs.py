@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from choreograph.choreography.graph.cost import Cost, CostContext, WeightedCost, resolve_weights
 from choreograph.choreography.graph.layers import Layer, PoseBank
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
-from choreograph.choreography.graph.path_costs import FormCost, Front, Stage, Variety
+from choreograph.choreography.graph.path_costs import FormCost, FrontCost, StageCost, Variety
 from choreograph.choreography.selection import energy_mismatch, steps_mismatch
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
@@ -272,13 +272,14 @@ class Energy(Cost):
         return energy_mismatch(louder, layer.liveliness)
 
 
-class Steps(Cost):
+class StepsCost(Cost):
     """Mismatch of the density of steps with the density of onsets (ours).
 
     Both are ranks from 0 to 1: of the clip in its genre, and of the second in its song. Raise its weight for
     more steps where the music has more onsets.
     """
 
+    name = "steps"
     default_weight = 0.5
     sentence = "There are more or fewer steps than the music has onsets."
 
@@ -304,13 +305,14 @@ class Pace(Cost):
         return octaves
 
 
-class Repeat(Cost):
+class RepeatCost(Cost):
     """1 for an edge that goes back in the same take by less than a clip's length (ours).
 
     A step back of up to a quarter of a second is free, since both sides may contain the same beat. Raise its
     weight if the dance repeats the same movement at once.
     """
 
+    name = "repeat"
     default_weight = 8.0
     sentence = "The take jumps back to what was just danced."
     is_compiled = True
@@ -340,7 +342,7 @@ def _all_repeats(
 
 @njit(inline="always")
 def repeats(take_a: Any, end_a: Any, take_b: Any, start_b: Any) -> Any:  # pragma: no cover - compiled
-    """The formula of `Repeat`: whether b, in the same take as a, starts before the frame where a ends."""
+    """The formula of `RepeatCost`: whether b, in the same take as a, starts before the frame where a ends."""
     return (take_a == take_b) & (OVERLAP_FRAMES < end_a - start_b < CLIP_FRAMES)
 
 
@@ -430,13 +432,13 @@ class Stillness(Cost):
 # Their weights were chosen on dances to training songs, in five folds, since the paper gives no numbers.
 # Those of completeness, velocity and accents were chosen by the phase of motion beats within the count.
 BUILTIN_COSTS: tuple[type[Cost], ...] = (
-    Genre, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, Steps, Front, Pace,
-    Variety, Repeat, Seed, Stage, Stillness, FormCost, Signature, MotifTransition,
+    Genre, Completeness, Transition, Velocity, Rhythm, Accents, Bars, Phrasing, Energy, StepsCost, FrontCost,
+    Pace, Variety, RepeatCost, Seed, StageCost, Stillness, FormCost, Signature, MotifTransition,
 )  # fmt: skip
 DEFAULT_WEIGHTS = {cost.name: cost.default_weight for cost in BUILTIN_COSTS}
 COST_GROUP = Group("choreograph.costs", tuple(DEFAULT_WEIGHTS))
 # Of the planner motion-graph, which leaves out the other built-in costs.
-_OF_WALK = (Transition, Seed, Stage, Stillness, FormCost, Signature, MotifTransition)
+_OF_WALK = (Transition, Seed, StageCost, Stillness, FormCost, Signature, MotifTransition)
 
 
 def built_in(context: CostContext) -> list[Cost]:

@@ -35,7 +35,7 @@ _PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of 
 _ROUNDING = 1e-4
 
 
-class Steps:
+class SearchStep:
     """The steps of a search by these costs: from the nodes of one second to those of the next."""
 
     def __init__(

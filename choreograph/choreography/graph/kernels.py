@@ -19,7 +19,7 @@ from choreograph.choreography.graph.costs import (
     BUILTIN_COSTS,
     Completeness,
     Phrasing,
-    Repeat,
+    RepeatCost,
     Transition,
     Velocity,
     distance_from_product,
@@ -31,7 +31,7 @@ from choreograph.choreography.graph.path_costs import (
     PER_USAGE,
     TURNED_TAKE,
     FormCost,
-    Front,
+    FrontCost,
     Variety,
     heading_series,
     turned_cost,
@@ -50,12 +50,12 @@ COMPILED_OF_PATH: tuple[type[Cost], ...] = tuple(kind for kind in COMPILED if ki
 _COMPLETENESS, _TRANSITION, _VELOCITY, _PHRASING, _FRONT, _VARIETY, _REPEAT, _FORM, _SIGNATURE, _MOTIFS = (
     COMPILED.index(kind)
     for kind in (
-        Completeness, Transition, Velocity, Phrasing, Front, Variety, Repeat, FormCost, Signature,
+        Completeness, Transition, Velocity, Phrasing, FrontCost, Variety, RepeatCost, FormCost, Signature,
         MotifTransition,
     )
 )  # fmt: skip
 _PATH_FRONT, _PATH_VARIETY, _PATH_FORM, _PATH_SIGNATURE = map(
-    COMPILED_OF_PATH.index, (Front, Variety, FormCost, Signature)
+    COMPILED_OF_PATH.index, (FrontCost, Variety, FormCost, Signature)
 )
 _relative_change = njit(inline="always")(costs.relative_change)
 _mean_penalty = njit(inline="always")(costs.mean_penalty)

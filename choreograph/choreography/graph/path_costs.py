@@ -31,7 +31,7 @@ _LEFT_HIP, _RIGHT_HIP = (BODY_JOINTS.index(f"{side}_hip") for side in ("left", "
 WALK_AT = 0.5, 1.0  # shares of the second at which the place on the stage is compared with its borders
 
 
-class Front(Cost):
+class FrontCost(Cost):
     """How far the dancer is turned from the audience in the dance, 0 … 1 (ours).
 
     It is the square of (1 - cos heading) / 2, so that the back costs much more than the side. The heading is
@@ -41,6 +41,7 @@ class Front(Cost):
     back to the audience for too long.
     """
 
+    name = "front"
     default_weight = 3.0
     sentence = "The dancer turns away from the audience."
     is_compiled = True
@@ -160,7 +161,7 @@ def turned_cost(
     constant: float,
     of_rotation: float,
 ) -> float:  # pragma: no cover - compiled
-    """The formula of `Front`, one of the `turned_costs`, without branches.
+    """The formula of `FrontCost`, one of the `turned_costs`, without branches.
 
     `end` is that of `turn_rad` + `end_rad`, and `series` those of the node.
     """
@@ -278,13 +279,14 @@ def breaks_form(danced: Any, here: Any, is_return: bool) -> Any:
     return away > SAME_FRAMES if is_return else away <= SAME_FRAMES
 
 
-class Stage(Cost):
+class StageCost(Cost):
     """How far the dancer leaves the stage along the path, in metres (ours).
 
     It is a mean over the second. The pelvis should stay 0.3 m within the borders, so that the feet do as
     well. A stage without borders has no such cost. Raise its weight if the dancer leaves the stage.
     """
 
+    name = "stage"
     default_weight = 6.0
     sentence = "The dancer leaves the stage."
     unit = "m"
@@ -297,7 +299,7 @@ class Stage(Cost):
         self._half_m = stage_half_m(size_m)
 
     @classmethod
-    def for_dance(cls, context: CostContext) -> Stage | None:
+    def for_dance(cls, context: CostContext) -> StageCost | None:
         return None if context.stage_m is None else cls(context.stage_m)
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:

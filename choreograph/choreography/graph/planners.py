@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from choreograph.choreography.graph.cheap_nodes import CheapSoFar
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs, weighted_terms
 from choreograph.choreography.graph.costs import Transition, is_of_walk
-from choreograph.choreography.graph.forward import N_THREADS, Steps
+from choreograph.choreography.graph.forward import N_THREADS, SearchStep
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.segments import LayerSource
@@ -99,7 +99,7 @@ def _search(
     node_keys = [_node_keys(layer)]
     parents: list[NDArray[np.int32]] = []
     with ThreadPoolExecutor(N_THREADS) as pool:
-        step = Steps(costs, song_features, pool)
+        step = SearchStep(costs, song_features, pool)
         for second in range(1, source.n_seconds):
             following, node_cost = allowed_nodes(source.layer(second), costs, song_features)
             best, parent = step(layer, following, reached)

@@ -33,7 +33,7 @@ class Lengths(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Relation:
+class GeometricRelation:
     """A measure of joints, and the open range in which the relation holds."""
 
     measure: str  # a key of MEASURES
@@ -56,7 +56,7 @@ def measure_lengths(pos_m: Floats) -> Lengths:
     )
 
 
-def shares(relations: tuple[Relation, ...], pos_m: Floats, fps: float, lengths_m: Lengths) -> Floats:
+def shares(relations: tuple[GeometricRelation, ...], pos_m: Floats, fps: float, lengths_m: Lengths) -> Floats:
     """Share of the frames 1 … T - 1 of positions (T, 24, 3) in which each relation holds, (R,), 0 … 1.
 
     A relation whose direction is undefined (two of its joints coincide) does not hold.
@@ -142,7 +142,7 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return result
 
 
-def _pair(relation: Relation) -> tuple[Relation, Relation]:
+def _pair(relation: GeometricRelation) -> tuple[GeometricRelation, GeometricRelation]:
     """A relation of the right side, and the same with left and right swapped."""
     flip = {"left": "right", "right": "left"}
     joints = (name.split("_") for name in relation.joints)
@@ -151,11 +151,11 @@ def _pair(relation: Relation) -> tuple[Relation, Relation]:
     )
 
 
-def _row(measure: str, joints: str, **limits: float | str) -> Relation:
-    return Relation(measure, tuple(joints.split()), **limits)  # type: ignore[arg-type]
+def _row(measure: str, joints: str, **limits: float | str) -> GeometricRelation:
+    return GeometricRelation(measure, tuple(joints.split()), **limits)  # type: ignore[arg-type]
 
 
-PUBLISHED: tuple[Relation, ...] = (
+PUBLISHED: tuple[GeometricRelation, ...] = (
     *_pair(_row("speed_off_plane", "neck right_hip left_hip right_wrist", above=1.8)),  # hand back / forward
     *_pair(_row("beyond", "spine3 neck neck right_wrist", above=0.2)),  # hand above the neck
     *_pair(_row("speed_along", "spine1 spine3 spine1 spine3", above=1.8)),  # chest away from the belly
@@ -179,7 +179,7 @@ PUBLISHED: tuple[Relation, ...] = (
     _row("speed", "pelvis", above=2.3),
 )
 
-_CORRECTIONS: dict[int, Relation] = {
+_CORRECTIONS: dict[int, GeometricRelation] = {
     # Both hands use the same normal of the torso plane, pointing forward.
     0: _row("speed_off_plane", "neck left_hip right_hip right_wrist", above=1.8),
     # j4 relative to j3 along j1 → j2: the hand rises, not the chest away from the belly.
@@ -195,4 +195,4 @@ _CORRECTIONS: dict[int, Relation] = {
     # The pelvis behind the plane of neck and feet: the body bends or sits.
     27: _row("off_plane", "left_ankle neck right_ankle pelvis", above=0.5),
 }
-CORRECTED: tuple[Relation, ...] = tuple(_CORRECTIONS.get(i, row) for i, row in enumerate(PUBLISHED))
+CORRECTED: tuple[GeometricRelation, ...] = tuple(_CORRECTIONS.get(i, row) for i, row in enumerate(PUBLISHED))
