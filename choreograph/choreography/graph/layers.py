@@ -76,47 +76,130 @@ class Layer:
     {'house'}
     """
 
-    second: int  # second of the song
-    segment: AnyInts  # (N,) second × K + rank, the same for all nodes of one warped segment
-    offset: AnyInts  # (N,) 0 … 3: the node's quarter of its segment
-    clip: AnyInts  # (N,) index in the repertoire
-    take: AnyInts  # (N,) index in the repertoire
-    usage_column: AnyInts  # (N,) of the node's take in `take_usage_s`: one for each take of candidates
-    take_names: NDArray[np.str_]  # (N,)
-    genre: NDArray[np.str_]  # (N,)
-    style: AnyFloats  # (N, 32) of the clip
-    take_usage_s: AnyFloats  # (N, columns) recent use of takes along the cheapest path to the node, decayed
-    take_frames: AnyFloats  # (N, 2) take frames (20 fps) at the second's two borders
-    density_mismatch: AnyFloats  # (N,) mean squared difference of tempo-densities in this second
-    unmatched_beat: AnyFloats  # (N,) share of this second's music and motion beats without a partner
-    first_beat: AnyFloats  # (N,) frame (20 fps) of the first motion beat in the second, nan if none
-    last_beat: AnyFloats  # (N,) frame of the last one
-    time_map_id: AnyInts  # (N,) equal for nodes of one continuous time map of a counted take, -1 for others
-    count_uncertainty: AnyFloats  # (N,) of the counts of the node's take here, 0 … 1: 0 if not estimated
-    off_bar: AnyFloats  # (N,) share of this second's beats whose number in the bar is not the take's
-    enter_penalty: AnyFloats  # (N,) of entering the node's take here: 0 at the border of a figure or bar
-    leave_penalty: AnyFloats  # (N,) of leaving it at the second's end
-    heading_rad: AnyFloats  # (N, 21) at the 20 output frames and the second's end, from the front of its take
-    join_heading_rad: AnyFloats  # (N, 2) where takes may change at the second's start, and at its end
-    facing: AnyFloats  # (N, 4) means of cosine and sine of the heading, and of twice the heading
-    turn_rad: AnyFloats  # (N,) rotation of the take in the dance, along the cheapest path to the node
-    walk_m: AnyFloats  # (N, M, 2) as `travel_m` at M shares of the second. M = 0 unless the stage has borders
-    place_m: AnyFloats  # (N, 2) where the pelvis is at the second's end, along the path. 0, 0 is the middle
-    liveliness: AnyFloats  # (N,) rank of its travel and width as danced among its genre's seconds, 0 … 1
-    steps: AnyFloats  # (N,) rank of the clip's steps in its genre, 0 … 1
-    source_frames: AnyFloats  # (N, 21) clip frames at the 20 output frames and the second's end
-    first_pose_m: AnyFloats  # (N, 21, 3) where takes may change at the second's start,
-    last_pose_m: AnyFloats  # (N, 21, 3) and at its end
-    first_velocity_m_s: AnyFloats  # (N, 21, 3)
-    last_velocity_m_s: AnyFloats  # (N, 21, 3)
-    motifs: AnyInts  # (N, W) of the node's words, in order, padded with -1. W = 0 if no cost uses motifs
-    motif_counts: AnyInts  # (N, M) of each motif along the cheapest path to the node. M = 0 likewise
-    danced: AnyFloats  # (N, R) positions in takes at the moments that return, along the path. nan if later
-    bank: PoseBank  # the motion of all clips, for `poses_m`, `headings_rad` and `travel_m`
-    new_goal: bool = False  # the count of motifs restarts at this second
-    moments: Moments = ()  # of this second that return later
-    returns: int | None = None  # the moment, a number below R, that the middle of this second returns to
-    steer_rad: float = 0.0  # the most by which a transition rotates a take back to the front
+    second: int
+    """Second of the song, from 0 on."""
+
+    segment: AnyInts
+    """(N,) second × K + rank, the same for all nodes of one warped segment."""
+
+    offset: AnyInts
+    """(N,) quarter of its segment that each node is, 0 to 3."""
+
+    clip: AnyInts
+    """(N,) index of each node's clip in the repertoire."""
+
+    take: AnyInts
+    """(N,) index of each node's take in the repertoire."""
+
+    usage_column: AnyInts
+    """(N,) column of `take_usage_s` of each node's take. Each take of candidates has one."""
+
+    take_names: NDArray[np.str_]
+    """(N,) name of each node's take."""
+
+    genre: NDArray[np.str_]
+    """(N,) genre of each node's take."""
+
+    style: AnyFloats
+    """(N, 32) style vector of each node's clip."""
+
+    take_usage_s: AnyFloats
+    """(N, columns) recent use of takes along the cheapest path to the node, in seconds, decayed."""
+
+    take_frames: AnyFloats
+    """(N, 2) frames of the take at 20 fps at the two borders of the second."""
+
+    density_mismatch: AnyFloats
+    """(N,) mean squared difference of tempo-densities in this second."""
+
+    unmatched_beat: AnyFloats
+    """(N,) share of the motion and music beats of this second without a partner."""
+
+    first_beat: AnyFloats
+    """(N,) frame at 20 fps of the first motion beat in the second, nan if there is none."""
+
+    last_beat: AnyFloats
+    """(N,) frame at 20 fps of the last motion beat in the second, nan if there is none."""
+
+    time_map_id: AnyInts
+    """(N,) number that nodes of one continuous time map of a take with counts share, -1 for others."""
+
+    count_uncertainty: AnyFloats
+    """(N,) uncertainty of the counts of the take here, 0 to 1. It is 0 if they are not estimated."""
+
+    off_bar: AnyFloats
+    """(N,) share of the beats of this second whose number in the bar is not that of the take."""
+
+    enter_penalty: AnyFloats
+    """(N,) penalty for entering the take here, 0 at the border of a figure or bar."""
+
+    leave_penalty: AnyFloats
+    """(N,) penalty for leaving the take at the end of the second."""
+
+    heading_rad: AnyFloats
+    """(N, 21) headings at the 20 frames and the end of the second, from the front of the take, in radians."""
+
+    join_heading_rad: AnyFloats
+    """(N, 2) headings where takes may change at the start of the second and at its end, in radians."""
+
+    facing: AnyFloats
+    """(N, 4) means of cosine and sine of the heading, and of twice the heading."""
+
+    turn_rad: AnyFloats
+    """(N,) rotation of the take in the dance, along the cheapest path to the node, in radians."""
+
+    walk_m: AnyFloats
+    """(N, M, 2) travel as `travel_m` at M shares of the second, in metres. M is 0 unless the stage has
+    borders."""
+
+    place_m: AnyFloats
+    """(N, 2) place of the pelvis at the end of the second, along the path, in metres from the middle."""
+
+    liveliness: AnyFloats
+    """(N,) rank of the travel and width of the node, as danced, in its genre, 0 to 1."""
+
+    steps: AnyFloats
+    """(N,) rank of the density of the clip's steps in its genre, 0 to 1."""
+
+    source_frames: AnyFloats
+    """(N, 21) frames of the clip at the 20 frames and the end of the second."""
+
+    first_pose_m: AnyFloats
+    """(N, 21, 3) pose where takes may change at the start of the second, in metres."""
+
+    last_pose_m: AnyFloats
+    """(N, 21, 3) pose where takes may change at the end of the second, in metres."""
+
+    first_velocity_m_s: AnyFloats
+    """(N, 21, 3) velocities at the first pose, in metres per second."""
+
+    last_velocity_m_s: AnyFloats
+    """(N, 21, 3) velocities at the last pose, in metres per second."""
+
+    motifs: AnyInts
+    """(N, W) motifs of the node's words in order, padded with -1. W is 0 if no cost uses motifs."""
+
+    motif_counts: AnyInts
+    """(N, M) how often each motif is danced along the cheapest path to the node. M is 0 if no cost uses
+    motifs."""
+
+    danced: AnyFloats
+    """(N, R) positions in takes at the moments that return, along the path, nan for later ones."""
+
+    bank: PoseBank
+    """The motion of all clips, for `poses_m`, `headings_rad` and `travel_m`."""
+
+    new_goal: bool = False
+    """Whether the count of motifs restarts at this second."""
+
+    moments: Moments = ()
+    """The moments of this second that return later."""
+
+    returns: int | None = None
+    """The moment, a number below R, that the middle of this second returns to, or None."""
+
+    steer_rad: float = 0.0
+    """The most by which a transition rotates a take back to the front, in radians."""
 
     __repr__ = one_line
 
