@@ -10,7 +10,8 @@ import pytest
 
 import choreograph as cg
 
-HEAVY = ("torch", "librosa", "sklearn", "matplotlib", "networkx", "scipy.stats", "scipy.signal")
+HEAVY = ("torch", "librosa", "sklearn", "matplotlib", "networkx")
+PEAKS = ("scipy.signal", "scipy.stats")  # for the motion beats on a page, 0.6 s
 
 
 @pytest.mark.parametrize("engine", ["graph", "mixer", "rollout"])
@@ -27,13 +28,24 @@ print([name for name in {HEAVY!r} if name in sys.modules])
     assert (tmp_path / "dance.bvh").exists() and (tmp_path / "dance.html").exists()
 
 
+def test_a_dance_without_a_page_imports_no_search_for_peaks(tmp_path):
+    arguments = ["dance", str(cg.example_songs()["house"]), "-o", "dance.bvh", "--duration", "8"]
+    code = f"""
+import sys
+from choreograph.cli import main
+main({arguments!r}, standalone_mode=False)
+print([name for name in {HEAVY + PEAKS!r} if name in sys.modules])
+"""
+    assert last_line_of(code, tmp_path) == "[]"
+
+
 def test_a_stream_imports_neither_torch_nor_librosa(tmp_path):
     code = f"""
 import sys
 import choreograph as cg
 song = cg.load_song(cg.example_songs()["house"], duration_s=2)
 assert len(list(cg.RolloutStream(song, genre="house"))) == 120
-print([name for name in {HEAVY!r} if name in sys.modules])
+print([name for name in {HEAVY + PEAKS!r} if name in sys.modules])
 """
     assert last_line_of(code, tmp_path) == "[]"
 

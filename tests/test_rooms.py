@@ -64,7 +64,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "librosa": ("music.beats",),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
     "networkx": ("choreography.graph.planners",),
-    "numba": ("core.kernel_cache", "core.banded"),
+    "numba": ("core.kernel_cache",),
     "distributed": ("core.clusters",),
     "fastapi": ("studio",),
     "fsspec": ("formats.remote",),

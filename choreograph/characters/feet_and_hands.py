@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats
 from choreograph.formats.gltf_rig import SkinPoints
 from choreograph.motion import rotations as rot
@@ -227,7 +227,7 @@ def _way_out(
             shift[farther] = rot.rotate(turned, way)[farther]
     if not shift.any():
         return shift
-    smooth = gaussian_filter(shift, ease / 2.0)
+    smooth = scipy.ndimage.gaussian_filter1d(shift, ease / 2.0, axis=0, mode="nearest")
     smooth /= np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-12)
     eased: Floats = smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
     return eased
@@ -263,14 +263,14 @@ def placed_feet(dancer: Motion, figure: Motion) -> tuple[Motion, Floats]:
     height_m = float(np.median(shift_m[..., 1]))
     shift_m[..., 1] -= height_m
     shift_m -= _stance_m(placed, shift_m)
-    shift_m = gaussian_filter(shift_m, _SHIFT_S * figure.fps)
+    shift_m = scipy.ndimage.gaussian_filter1d(shift_m, _SHIFT_S * figure.fps, axis=0, mode="nearest")
     return placed.moved(shift_m=np.array([0.0, height_m, 0.0])), shift_m
 
 
 def _stance_m(figure: Motion, shift_m: Floats) -> Floats:
     """The common part of shifts (T, 2, 3) on the ground, relative to the smoothed heading of the hips."""
     ahead = rot.rotate(figure.local_quat[:, 0], _FRONT)
-    ahead = gaussian_filter(ahead, _HEADING_S * figure.fps)
+    ahead = scipy.ndimage.gaussian_filter1d(ahead, _HEADING_S * figure.fps, axis=0, mode="nearest")
     heading = rot.about_y(np.arctan2(ahead[:, 0], ahead[:, 2]))[:, None]  # (T, 1, 4)
     common_m = np.median(rot.rotate(rot.invert(heading), shift_m), axis=0) * [1.0, 0.0, 1.0]  # (2, 3)
     return rot.rotate(heading, np.broadcast_to(common_m, shift_m.shape))

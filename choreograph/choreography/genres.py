@@ -6,12 +6,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.selection import genre_distances
 from choreograph.core.counts import Counts
-from choreograph.core.filters import median_filter
 from choreograph.core.numerics import Floats
 from choreograph.library.clips import TakeTempi
 from choreograph.library.repertoire import Repertoire
@@ -297,7 +297,7 @@ def tempi_of_takes(repertoire: Repertoire, genre: str) -> TakeTempi:
 
 def tempo_at(counts: Counts, n_seconds: int) -> Floats:
     """The tempo around the middle of each second (S,), in BPM."""
-    periods_s = median_filter(np.diff(counts.times_s), min(9, len(counts) - 1))
+    periods_s = scipy.ndimage.median_filter(np.diff(counts.times_s), min(9, len(counts) - 1), mode="nearest")
     middles_s = (counts.times_s[1:] + counts.times_s[:-1]) / 2
     bpm: Floats = 60.0 / np.interp(np.arange(n_seconds) + 0.5, middles_s, periods_s)
     return bpm

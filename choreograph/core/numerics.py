@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -147,14 +148,7 @@ def chi_square_distance(a: Floats, b: Floats) -> Floats:
     return distance
 
 
-def mean_ranks(values: AnyFloats) -> Floats:
-    """Ranks (N,) from 1 on of values (N,). Equal values have the mean of their ranks."""
-    _, which, n_equal = np.unique(values, return_inverse=True, return_counts=True)
-    ranks: Floats = (np.cumsum(n_equal) - 0.5 * (n_equal - 1))[which]
-    return ranks
-
-
-# Linear interpolation at fractional frames.
+# Interpolation: linear at fractional frames, and cubic beyond the ends of a curve.
 
 
 def frame_weights(frames: AnyFloats, n_frames: int) -> tuple[Indices, Indices, Floats]:
@@ -173,6 +167,21 @@ def interpolate_frames(values: AnyFloats, frames: AnyFloats) -> Floats:
     low, high, weight = frame_weights(frames, len(values))
     weight = weight.reshape((*weight.shape, *[1] * (values.ndim - 1)))
     return values[low] * (1 - weight) + values[high] * weight
+
+
+def continued_spline(knots: Floats, values: Floats, at: Floats | float) -> Floats:
+    """Values (M,) at points (M,) of the cubic spline through `values` (N,) at increasing `knots` (N,).
+
+    Beyond the ends, they go on at the rate of the end. That rate is between half and double the slope from an
+    end to the next knot. After a corner beside the end, that of the spline may even have the other sign.
+    """
+    spline, points = scipy.interpolate.CubicSpline(knots, values), np.asarray(at, np.float64)
+    inside: Floats = spline(np.clip(points, knots[0], knots[-1]))
+    beyond = np.minimum(points - knots[0], 0.0), np.maximum(points - knots[-1], 0.0)
+    slopes = (np.diff(values) / np.diff(knots))[[0, -1]]
+    for past, rate, slope in zip(beyond, spline(knots[[0, -1]], 1), slopes, strict=True):
+        inside = inside + past * np.clip(rate, *sorted((0.5 * slope, 2.0 * slope)))
+    return inside
 
 
 # Hierarchies of joints or bones, every parent before its children.

@@ -17,7 +17,6 @@ from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
 from choreograph.formats.bvh_text import BvhText, parse_bvh, read_text
-from choreograph.formats.decimals import DecimalRows
 from choreograph.formats.writer import Writer, renamed, with_rest_pose, word_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones, take_bones
@@ -239,6 +238,9 @@ class BvhOptions:
         as_number("a positive number of units per metre", self.units_per_m, above=0.0)
 
 
+_MOST = 1e12  # that a number of a file may be for its digits to be found by whole numbers
+
+
 class BvhWriter(Writer):
     """Writes six channels for the root and three for other joints, with five decimals.
 
@@ -263,11 +265,10 @@ class BvhWriter(Writer):
         ]
         mark = DANCE_DIGITS if self.is_dance else ""
         lines.append(f"Frame Time: {1.0 / motion.fps:.10f}{mark}\n")
-        numbers = DecimalRows(motion.n_frames * (3 + 3 * motion.skeleton.n_joints))
         with open(path, "wb") as file:
             file.write("\n".join(lines).encode())
             for rows in self._rows(motion):
-                file.write(numbers.text(rows))
+                file.write(_lines_of(rows))
 
     def _rows(self, motion: Motion) -> Iterator[NDArray[np.float64]]:
         """The numbers of each frame in blocks, (T_b, 3 + 3 J)."""
@@ -314,6 +315,25 @@ class BvhWriter(Writer):
 
     def _offset(self, offset_m: np.ndarray) -> str:
         return "OFFSET " + " ".join(f"{value:.6f}" for value in offset_m * self.options.units_per_m)
+
+
+def _lines_of(rows: NDArray[np.float64]) -> bytes:
+    """Lines of text with the numbers (T, C) of each row, five decimals each. It is faster than `%`."""
+    if not np.abs(rows).max() < _MOST:
+        line = " ".join(["%.5f"] * rows.shape[1]) + "\n"
+        return (line * len(rows) % tuple(rows.ravel().tolist())).encode()
+    left = np.rint(np.abs(rows) * 1e5).astype(np.int64)  # (T, C)
+    n_digits = max(6, len(str(left.max())))
+    text = np.zeros((*rows.shape, n_digits + 3), np.uint8)  # a sign, digits, the point, and a space or an end
+    text[..., 0] = np.where(np.signbit(rows), ord("-"), 0)
+    text[..., -7], text[..., -1], text[:, -1, -1] = ord("."), ord(" "), ord("\n")
+    for digit in range(n_digits):  # the last one first
+        higher = left // 10
+        shown = ord("0") + left - 10 * higher
+        text[..., -2 - digit - (digit >= 5)] = shown if digit < 6 else np.where(left, shown, 0)
+        left = higher
+    lines: bytes = text[text != 0].tobytes()
+    return lines
 
 
 def _full_turns(angles: NDArray[np.float64]) -> NDArray[np.float64]:

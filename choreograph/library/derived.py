@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
-from choreograph.core.numerics import AnyFloats, AnyInts, frame_blocks, mean_ranks
+from choreograph.core.numerics import AnyFloats, AnyInts, frame_blocks
 from choreograph.core.timebase import (
     CLIP_FRAMES,
     NET_FPS,
@@ -275,7 +276,7 @@ def _step_ranks(steps: AnyInts, genre_of_clip: AnyInts) -> NDArray[np.float32]:
     ranks = np.empty(len(steps), np.float32)
     for genre in np.unique(genre_of_clip):
         inside = genre_of_clip == genre
-        ranks[inside] = (mean_ranks(steps[inside].astype(np.float64)) - 0.5) / inside.sum()
+        ranks[inside] = (scipy.stats.rankdata(steps[inside]) - 0.5) / inside.sum()
     return ranks
 
 

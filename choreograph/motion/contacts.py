@@ -7,7 +7,6 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import gaussian_filter, logistic
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, checked_body_pos_m
@@ -86,7 +85,8 @@ def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
     lowest = _lowest(foot_pos_m)
     window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
     envelope = scipy.ndimage.percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
-    return gaussian_filter(envelope, _SMOOTH_S * fps)
+    floor_m: Floats = scipy.ndimage.gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
+    return floor_m
 
 
 def _lowest(foot_pos_m: Floats) -> Floats:
@@ -137,12 +137,13 @@ def contacts_above(
 ) -> NDArray[np.float64]:
     """`foot_contacts` (T, 4) from these joints alone (T, 4, 3), with the height of each in contact, (4,)."""
     height = feet[..., 1] - floor_m  # (T, 4)
-    smooth = gaussian_filter(feet, _CONTACT_SMOOTH_S * fps)
+    sigma = _CONTACT_SMOOTH_S * fps
+    smooth = scipy.ndimage.gaussian_filter1d(feet, sigma, axis=0, mode="nearest")
     step = np.gradient(smooth, axis=0) if len(feet) > 1 else np.zeros_like(feet)
     speed = np.linalg.norm(step, axis=-1) * fps  # (T, 4)
-    confidence = logistic((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
-    contacts: NDArray[np.float64] = gaussian_filter(confidence, _CONTACT_SMOOTH_S * fps).clip(0.0, 1.0)
-    return contacts
+    confidence = scipy.special.expit((_LOW_M - height) / _LOW_WIDTH_M) / (1.0 + (speed / _SLOW_M_S) ** 4)
+    contacts: Floats = scipy.ndimage.gaussian_filter1d(confidence, sigma, axis=0, mode="nearest")
+    return contacts.clip(0.0, 1.0)
 
 
 def step_counts(

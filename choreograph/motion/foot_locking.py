@@ -6,11 +6,10 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from choreograph.core.banded import solve_symmetric
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import gaussian_filter, maximum_filter
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -152,12 +151,13 @@ def locking_shift(
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:
-        return solve_symmetric(bands, wanted)
+        shift_m: Floats = scipy.linalg.solveh_banded(bands, wanted, lower=True)
+        return shift_m
     n_given = len(given_m)
     for below in range(1, _ORDER + 1):  # the terms of given shifts in the equations of later frames
         for given in range(max(0, n_given - below), n_given):
             wanted[given + below] -= bands[below, given] * given_m[given]
-    rest = solve_symmetric(bands[:, n_given:], wanted[n_given:])
+    rest = scipy.linalg.solveh_banded(bands[:, n_given:], wanted[n_given:], lower=True)
     return np.concatenate([given_m, rest])
 
 
@@ -199,7 +199,9 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
     """A smooth curve (T,) that is not below `amount` anywhere, up to the tails of its smoothing."""
     if not amount.any():
         return amount
-    return gaussian_filter(maximum_filter(amount, 2 * ease + 1), ease / 2.0)
+    cover = scipy.ndimage.maximum_filter1d(amount, 2 * ease + 1)
+    smooth: Floats = scipy.ndimage.gaussian_filter1d(cover, ease / 2.0, mode="nearest")
+    return smooth
 
 
 def move_leg(

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.numerics import Floats
-from choreograph.core.splines import monotone_cubic
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,8 @@ class Rings:
 
 def smooth_rows(table: Floats, at: Floats) -> Floats:
     """Rows (R, C - 1) interpolated in a table whose first column increases, without overshoot."""
-    return monotone_cubic(table[:, 0], table[:, 1:], at)
+    rows: Floats = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(at)
+    return rows
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:

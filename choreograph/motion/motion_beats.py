@@ -10,8 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import reach_of
-from choreograph.core.numerics import AnyFloats, AnyInts, Floats, Indices, frame_blocks
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, frame_blocks
 from choreograph.core.timebase import NET_FPS, frames_to_seconds
 
 # Motion beats: local minima of mean joint speed.
@@ -30,11 +29,13 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
         raise ParameterError(f"expected joint positions (T, J, 3), got {pos.shape}")
     if len(pos) < 2:
         return np.zeros(len(pos))
-    speed_m_s, reach = np.empty(len(pos)), 1 + reach_of(SMOOTHING_S * fps)
+    sigma = SMOOTHING_S * fps
+    radius = int(4.0 * sigma + 0.5)
+    speed_m_s, reach = np.empty(len(pos)), 1 + radius
     for block in frame_blocks(len(pos)):  # with the frames beside it that it depends on
         first = max(0, block.start - reach)
         smooth = scipy.ndimage.gaussian_filter1d(
-            pos[first : block.stop + reach], SMOOTHING_S * fps, axis=0, mode="nearest"
+            pos[first : block.stop + reach], sigma, axis=0, mode="nearest", radius=radius
         )
         smooth = smooth[max(0, block.start - first - 1) : block.stop - first + 1]
         step_m = np.gradient(smooth, axis=0)[min(1, block.start) :][: block.stop - block.start]
@@ -54,62 +55,18 @@ def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray
 def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
     """Fractional frames of the motion beats of a speed curve (T,), increasing (Q,).
 
-    They are local minima, found as by scipy's find_peaks in the paper (ChoreoGraph, section 3.1). Minima
+    They are local minima, found by scipy's find_peaks as in the paper (ChoreoGraph, section 3.1). Minima
     shallower than 3 % of the median speed are tremor and not beats (the paper states no threshold). The
     warper's kernel uses the same definition for warped motion (`choreography.graph.warp_kernels`).
     """
     speed = np.asarray(speed_m_s, np.float64)
     if len(speed) < 3:
         return np.zeros(0)
-    frames = _apart(_local_maxima(-speed), -speed, max(1, round(MIN_GAP_S * fps)))
+    distance = max(1, round(MIN_GAP_S * fps))
     prominence = max(MIN_PROMINENCE * float(np.median(speed)), MIN_PROMINENCE_M_S)
-    frames = frames[_prominences(frames, -speed) >= prominence]
+    frames, _ = scipy.signal.find_peaks(-speed, distance=distance, prominence=prominence)
     minima: NDArray[np.float64] = frames + _vertex_offset(speed, frames)
     return minima
-
-
-# What `scipy.signal.find_peaks` does. Importing `scipy.signal` takes longer than all motion beats of a dance.
-
-
-def _local_maxima(curve: Floats) -> Indices:
-    """Frames (Q,) of a curve (T,) at which it is higher than on both sides, the middle where it is level."""
-    starts = np.flatnonzero(np.diff(curve, prepend=np.inf))  # of stretches of one value
-    level = curve[starts]
-    highest = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
-    return (starts[highest] + starts[highest + 1] - 1) // 2
-
-
-def _apart(peaks: Indices, curve: Floats, distance: int) -> Indices:
-    """The peaks that remain when those less than `distance` frames from a higher one are removed."""
-    kept = np.ones(len(peaks), np.bool_)
-    for peak in np.argsort(curve[peaks])[::-1]:
-        if kept[peak]:
-            first, stop = np.searchsorted(peaks, peaks[peak] + [1 - distance, distance])
-            kept[first:stop] = False
-            kept[peak] = True
-    return peaks[kept]
-
-
-def _prominences(peaks: Indices, curve: Floats) -> Floats:
-    """How far (Q,) the curve (T,) falls on both sides of each peak before it rises above it, or ends."""
-    falls = np.empty((2, len(peaks)))
-    for side, towards in enumerate((curve[::-1], curve)):
-        for index, peak in enumerate(peaks if side else len(curve) - 1 - peaks):
-            falls[side, index] = towards[peak] - _lowest_before_higher(towards, int(peak))
-    lower: Floats = falls.min(axis=0)
-    return lower
-
-
-def _lowest_before_higher(curve: Floats, peak: int) -> float:
-    """The lowest value from a peak on, up to the first value above it or to the end."""
-    size = 64
-    while True:
-        ahead = curve[peak : peak + size]
-        higher = ahead > curve[peak]
-        if higher.any() or peak + size >= len(curve):
-            stop = int(higher.argmax()) if higher.any() else len(ahead)
-            return float(ahead[:stop].min())
-        size *= 4
 
 
 def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> NDArray[np.float64]:

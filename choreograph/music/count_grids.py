@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
-from choreograph.core.banded import solve_symmetric
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
@@ -85,7 +85,7 @@ def steady_times_s(times_s: Floats) -> Floats:
         for i, a in enumerate(taps):
             for j in range(i, 4):
                 bands[j - i, i : i + n - 3] += _STIFFNESS * a * taps[j]
-        steady = solve_symmetric(bands, weights * times_s)
+        steady = scipy.linalg.solveh_banded(bands, weights * times_s, lower=True)
         far = np.abs(steady - times_s) > _MAX_SHIFT_S
         if not far.any():
             break

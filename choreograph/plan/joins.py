@@ -14,10 +14,10 @@ from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.cache import NO_MEMORY, Memory
-from choreograph.core.filters import logistic
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import seconds_to_frames
@@ -240,7 +240,7 @@ def _shift_m(before: Floats, after: Floats, yaw_rad: float) -> Floats:
     for ankle, ball in _FEET:
         apart_m.append((before[[ankle, ball]] - turned[[ankle, ball]]).mean(axis=0) * [1.0, 0.0, 1.0])
         heights_m = [min(body[ankle, 1] - _ANKLE_M, body[ball, 1] - _BALL_M) for body in (before, after)]
-        weights.append(float(logistic((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
+        weights.append(float(scipy.special.expit((_LOW_M - max(heights_m)) / _LOW_WIDTH_M)))
     shift_m: Floats = np.average(apart_m, axis=0, weights=weights)
     return shift_m
 

@@ -17,8 +17,8 @@ import numpy as np
 from choreograph.core.arguments import fields_of_json
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
+from choreograph.core.numerics import continued_spline
 from choreograph.core.progress import counted
-from choreograph.core.splines import CubicSpline
 from choreograph.core.timebase import NODE_FRAMES, SEGMENT_S
 from choreograph.motion.motion import Credits
 from choreograph.settings import DanceConfig
@@ -171,7 +171,7 @@ class Block:
         since = at_s - self.planned.second
         if 0.0 <= since <= 1.0:
             return float(np.interp(since, knots, times_s))
-        return float(CubicSpline(knots, times_s).continued(since))
+        return float(continued_spline(knots, np.asarray(times_s), since))
 
 
 def word_block(word: PlannedWord) -> Block:

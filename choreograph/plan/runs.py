@@ -14,9 +14,9 @@ from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
-from choreograph.core.numerics import Floats
-from choreograph.core.splines import CubicSpline, monotone_cubic
+from choreograph.core.numerics import Floats, continued_spline
 from choreograph.core.timebase import NET_FPS
 from choreograph.plan.plan import Plan, PlannedWord
 
@@ -43,7 +43,7 @@ class Run:
     def source_s(self, times_s: Floats) -> Floats:
         """Source times at times of the dance. Beyond the ends, the speed stays that of the end."""
         knots = np.linspace(0.0, self.length_s, len(self.source_times_s))
-        return CubicSpline(knots, self.source_times_s).continued(np.asarray(times_s) - self.start_s)
+        return continued_spline(knots, self.source_times_s, np.asarray(times_s) - self.start_s)
 
     def cut(self, start_s: float, stop_s: float) -> Run:
         """The part of the run between two times of the dance."""
@@ -112,7 +112,7 @@ def _word_run(take: str, spans_s: Floats, sources_s: Floats, locked: bool) -> Ru
 @lru_cache(maxsize=4096)  # the mixer makes the runs of most words six times
 def _smooth_times_s(knots: tuple[float, ...], values: tuple[float, ...]) -> Floats:
     """Source times through `values` at the times `knots` of the dance, as of `Run`. They are read-only."""
-    times_s: Floats = monotone_cubic(knots, values, _knots_s(knots[0], knots[-1]))
+    times_s: Floats = scipy.interpolate.PchipInterpolator(knots, values)(_knots_s(knots[0], knots[-1]))
     times_s.flags.writeable = False
     return times_s
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from choreograph.core.arguments import as_list, fields_of_json, unexpected
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, read_text
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats
 from choreograph.core.progress import counted
 from choreograph.core.settings import changed
@@ -325,4 +325,5 @@ def _freedom(contacts: Floats, fps: float) -> Floats:
     """How fast a body may be moved over the ground at each frame (T,): slowly while both feet stand."""
     standing = np.maximum(contacts[:, ::2], contacts[:, 1::2])  # (T, 2) of each foot
     free = _STANDING_SHARE + (1.0 - standing[:, 0] * standing[:, 1])
-    return gaussian_filter(free, _MOBILE_EASE_S * fps)
+    eased: Floats = scipy.ndimage.gaussian_filter1d(free, _MOBILE_EASE_S * fps, mode="nearest")
+    return eased

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
+import scipy
 
 from choreograph.core.arguments import as_stage_m, check_choice
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
@@ -305,7 +305,7 @@ class Joins:
         for first, of_take_m in self.feet_m:
             rows = of_takes[first : first + len(of_take_m)]
             rows[:] = np.maximum(rows, contacts_above(of_take_m, floor_m, motion.fps)[: len(rows)])
-        of_takes = gaussian_filter(of_takes, _CONTACT_EASE_S * motion.fps, "reflect")
+        scipy.ndimage.gaussian_filter1d(of_takes, _CONTACT_EASE_S * motion.fps, axis=0, output=of_takes)
         times_s = frame_times_s(motion.n_frames, motion.fps)
         of_takes[(times_s < from_s) | (times_s > to_s)] = 0.0
         contacts = np.empty_like(of_takes)

@@ -16,8 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
-from choreograph.core.filters import gaussian_filter, reach_of
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
@@ -92,7 +92,15 @@ def _scale(amplitudes: Sequence[float], n_frames: int, fps: float) -> Floats:
 
 def _smooth(values: Floats, fps: float) -> Floats:
     """Values (T, ...) averaged in time."""
-    return gaussian_filter(values, _MEAN_POSE_S * fps)
+    smooth: Floats = scipy.ndimage.gaussian_filter1d(
+        values, _MEAN_POSE_S * fps, axis=0, mode="nearest", radius=_reach(fps)
+    )
+    return smooth
+
+
+def _reach(fps: float) -> int:
+    """How many frames to each side a mean depends on."""
+    return int(4.0 * _MEAN_POSE_S * fps + 0.5)
 
 
 def _scaled_path(root_pos_m: Floats, scale: Floats, fps: float) -> Floats:
@@ -110,7 +118,7 @@ def _scaled_turns(local_quat: Floats, scale: Floats, fps: float) -> Iterator[Flo
     A large excursion is kept, because the other way round would be as far. The rows of a block may be
     changed before the next block is taken: what its means need of them is copied before.
     """
-    reach = reach_of(_MEAN_POSE_S * fps)
+    reach = _reach(fps)
     before = local_quat[:0]  # unchanged frames before the block
     for block in frame_blocks(len(local_quat)):
         rows = local_quat[block]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -161,7 +161,7 @@ def _progress(run: SampledRun, gap: Frames) -> Floats:
     heading = np.unwrap(heading_rad(run.bodies_m(0, n_frames)))
     step_m = np.linalg.norm(np.diff(run.root[:, [0, 2]], axis=0), axis=1)  # (T - 1,)
     speed = step_m + _RADIUS_M * np.abs(np.diff(heading))
-    speed = gaussian_filter(speed[first:stop], _SMOOTH_S * fps)
+    speed = scipy.ndimage.gaussian_filter1d(speed[first:stop], _SMOOTH_S * fps, mode="nearest")
     inside = np.arange(stop - first)
     edge = np.clip(np.minimum(inside, stop - first - 1 - inside) / (TRANSITION_S * fps), 0.0, 1.0)
     weight = (speed + _STANDING * speed.mean() + 1e-9) * (0.01 + edge)

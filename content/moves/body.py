@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 
-from choreograph.core.banded import solve_symmetric
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
@@ -283,7 +283,8 @@ def _smoothed(values: Floats, weights: Floats, stiffness: float) -> Floats:
             stop = len(values) - len(second) + 1 + i
             bands[j - i, i:stop] += stiffness * second[i] * second[j]
     bands[0] += weights
-    return solve_symmetric(bands, weights * values)
+    smooth: Floats = solveh_banded(bands, weights * values, lower=True)
+    return smooth
 
 
 def _leg(local: Floats, hip_pos: Floats, side: str, foot: FootPath) -> None:

@@ -1,13 +1,12 @@
-"""Pairwise distances by a matrix product, and mean ranks, against scipy's."""
+"""Pairwise distances by a matrix product, against scipy's."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
-from scipy.stats import rankdata
 
-from choreograph.core.numerics import mean_ranks, squared_distances
+from choreograph.core.numerics import squared_distances
 
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(np.float32, 1e-5), (np.float64, 1e-13)])
@@ -25,9 +24,3 @@ def test_distances_are_never_below_zero():
     found = squared_distances(a, a)
     assert found.min() >= 0
     assert np.diagonal(found).max() < 1e-6 * np.sum(a**2, axis=1).max()
-
-
-@pytest.mark.parametrize("n_values", [0, 1, 200])
-def test_mean_ranks_are_scipys(n_values):
-    values = np.random.default_rng(1).integers(0, 40, n_values)
-    np.testing.assert_array_equal(mean_ranks(values), rankdata(values))

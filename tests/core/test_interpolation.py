@@ -1,4 +1,4 @@
-"""Laws of linear interpolation at fractional frames, and of the smooth sampling of motions."""
+"""Laws of interpolation at fractional frames and of continued splines, and of smooth sampling of motions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_motions import stepping, swaying
 
-from choreograph.core.numerics import frame_weights, interpolate_frames
+from choreograph.core.numerics import continued_spline, frame_weights, interpolate_frames
 
 laws = settings(max_examples=60, deadline=None)
 lengths = st.integers(1, 12)
@@ -70,6 +70,36 @@ def test_weights_lie_between_neighbours_inside_the_range(n_frames, frame):
 def test_the_result_is_double_precision(dtype):
     values = np.arange(5).astype(dtype)
     assert interpolate_frames(values, np.array([0.5, 3.25], np.float32)).dtype == np.float64
+
+
+def test_a_smooth_spline_goes_on_at_the_rates_of_its_ends():
+    knots = np.linspace(0.2, 1.2, 21)
+    at = np.array([-0.3, 0.2, 0.7, 1.2, 1.5])
+    wanted = np.sin([0.2, 0.2, 0.7, 1.2, 1.2]) + np.cos([0.2, 0.2, 0.7, 1.2, 1.2]) * [-0.5, 0, 0, 0, 0.3]
+    found = continued_spline(knots, np.sin(knots), at)
+    np.testing.assert_allclose(found, wanted, atol=1e-4)
+    assert float(continued_spline(knots, np.sin(knots), 1.5)) == found[4]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_spline_goes_on_in_the_direction_of_its_end(sign):
+    """Beside a corner, its rate at the end has the other sign, or is a multiple of the slope there."""
+    steps = np.array([0.5, 2.0, 2.0, 2.0, 1.0, 1.0, 0.1])
+    values = sign * np.concatenate([[0.0], np.cumsum(steps)])
+    found = continued_spline(np.arange(8.0), values, np.array([-1.0, 8.0]))
+    np.testing.assert_allclose(sign * found, [-0.25, 8.6 + 0.05])
+    swings = sign * np.array([0.0, 1.0, 1.0, 4.0, 7.0])
+    assert sign * continued_spline(np.arange(5.0), swings, -1.0) == -2.0
+    held = np.array([1.0, 1.0, 2.0, 3.0])
+    assert continued_spline(np.arange(4.0), held, -1.0) == 1.0
+
+
+@pytest.mark.parametrize("n_knots", [2, 3])
+def test_few_knots_have_a_line_or_a_parabola(n_knots):
+    knots = np.arange(float(n_knots))
+    np.testing.assert_allclose(
+        continued_spline(knots, 2.0 * knots, np.array([-1.0, 0.5, 4.0])), [-2.0, 1.0, 8.0]
+    )
 
 
 def test_smooth_sampling_at_whole_frames_is_the_motion():

@@ -26,6 +26,17 @@ def by_name(motion: Motion) -> dict[str, np.ndarray]:
     return dict(zip(motion.skeleton.names, np.moveaxis(motion.joint_pos_m(), 1, 0), strict=True))
 
 
+@pytest.mark.parametrize("farthest", [1.0, 999_999.0, 1e13])
+def test_numbers_of_bvh_have_the_characters_of_python(tmp_path, farthest):
+    known = [0.0, -0.0, -1e-9, 5.1e-6, 0.999994, 0.999996, 9.999996, -10.0, 99.5, -540.0]
+    scaled = np.random.default_rng(0).uniform(-farthest, farthest, (40, 3))
+    root = np.concatenate([np.resize(known, (4, 3)), scaled])
+    motion = Motion(swaying(1).skeleton, root, np.tile(swaying(1).local_quat, (44, 1, 1)), 60.0)
+    save_motion(tmp_path / "a.bvh", motion, writer=BvhWriter(BvhOptions(units_per_m=1.0)))
+    lines = (tmp_path / "a.bvh").read_text().split("Frame Time")[1].splitlines()[1:]
+    assert [line.split(" ")[:3] for line in lines] == [[f"{x:.5f}" for x in row] for row in root.tolist()]
+
+
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
 def test_bvh_round_trip_twice(tmp_path, order):
     motion = on_other_axes(swaying(40), 3)

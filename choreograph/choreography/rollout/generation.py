@@ -8,13 +8,13 @@ from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.song_analysis import analyses_cache
 from choreograph.core.errors import ParameterError
-from choreograph.core.filters import gaussian_filter
 from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
@@ -238,8 +238,10 @@ def _on_stage(
     """
     rows: Floats = np.empty(poses.shape)
     for columns in frame_blocks(poses.shape[1], _SMOOTHED_COLUMNS):
-        rows[:, columns] = gaussian_filter(poses[:, columns].astype(np.float64), _SMOOTH_S * ROLLOUT_FPS)
-    rows[:, 3] = gaussian_filter(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS)
+        rows[:, columns] = scipy.ndimage.gaussian_filter1d(
+            poses[:, columns].astype(np.float64), _SMOOTH_S * ROLLOUT_FPS, axis=0, mode="nearest"
+        )
+    rows[:, 3] = scipy.ndimage.gaussian_filter1d(rows[:, 3], SMOOTH_HEADING_S * ROLLOUT_FPS, mode="nearest")
     rows[0, 3] = 0.0
     bounds = np.rint(times_to_frames([*sequence.start_s, sequence.end_s[-1]], ROLLOUT_FPS)).astype(np.int64)
     position, heading = np.zeros(3), 0.0  # of the frame before the word
