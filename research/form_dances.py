@@ -35,7 +35,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import contact_scores, counts, frechet, front, physical, returns
+from choreograph.evaluation.metrics import contact_scores, counts, frechet, front, phrase_returns, physical
 from choreograph.evaluation.plan_scores import transition_times_s
 from choreograph.motion.body import body_pos_m
 from choreograph.music.form import Form, Phrase
@@ -73,7 +73,7 @@ def measured(dance: cg.Dance, repertoire: cg.Repertoire, form: Form, true: Count
     else:  # what returns is the motif
         takes = [f"motif {word.motif}" for word in plan.words]
         pieces_s = np.array([(w.start_s, w.end_s, 0.0, w.end_s - w.start_s) for w in plan.words])
-    row = returns.evaluate(
+    row = phrase_returns.evaluate(
         body_pos_m(dance.motion), dance.motion.fps, takes, pieces_s,
         phrases_s=np.array([(phrase.start_s, phrase.end_s) for phrase in form.phrases]), labels=form.labels,
     )  # fmt: skip

@@ -15,7 +15,7 @@ from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import Energy, StepsCost
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import Signature, words_between
-from choreograph.choreography.graph.returns import Returns
+from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.material import SectionGoal
 from choreograph.choreography.selection import (
     ClipPriorities,
@@ -179,7 +179,7 @@ def candidate_clips(
     goals: Sequence[SectionGoal],
     costs: Sequence[WeightedCost],
     ranks: NDArray[np.int8],
-    returns: Returns | None,
+    returns: PhraseReturns | None,
 ) -> NDArray[np.int64]:
     """The candidates of each second, (S, K). Where music returns, they are those of its first time.
 

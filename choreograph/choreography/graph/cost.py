@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.layers import Layer, PoseBank
-from choreograph.choreography.graph.returns import Returns
+from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.arguments import as_array, unexpected
 from choreograph.core.errors import NoPathError, ParameterError
@@ -31,7 +31,7 @@ class CostContext:
     """Width and depth of the stage in metres, or None if it has no borders."""
     poses: PoseBank
     """The motion of all clips of the repertoire."""
-    returns: Returns | None
+    returns: PhraseReturns | None
     """The phrases of the song that return, or None if none does."""
     goals: Goals
     """The motifs that each part of the song should have. There may be none."""

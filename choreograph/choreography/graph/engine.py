@@ -19,8 +19,8 @@ from choreograph.choreography.graph.costs import BUILTIN_COSTS, built_in, instal
 from choreograph.choreography.graph.layer_source import make_layers, song_grid
 from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
+from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.graph.planners import Path, plan_exact, plan_greedy, plan_motion_graph
-from choreograph.choreography.graph.returns import Returns
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
@@ -200,7 +200,7 @@ def _goals(request: DanceRequest) -> tuple[Sequence[SectionGoal], tuple[str, ...
     return goals, notes
 
 
-def _returns(request: DanceRequest) -> Returns | None:
+def _returns(request: DanceRequest) -> PhraseReturns | None:
     """The phrases that return, or None if none does.
 
     Nothing is planned in held poses and in parts that are kept of another dance. There, nothing returns.
@@ -213,7 +213,7 @@ def _returns(request: DanceRequest) -> Returns | None:
 
     if grid is None:
         return None
-    returns = Returns.of(request.song_features.form, grid, is_planned)
+    returns = PhraseReturns.of(request.song_features.form, grid, is_planned)
     return returns if len(returns.seconds) else None
 
 

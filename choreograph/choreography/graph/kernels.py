@@ -36,7 +36,7 @@ from choreograph.choreography.graph.path_costs import (
     heading_series,
     turned_cost,
 )
-from choreograph.choreography.graph.returns import moments_of
+from choreograph.choreography.graph.phrase_returns import moments_of
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.motion.body import BODY_JOINTS

@@ -14,7 +14,7 @@ from choreograph.choreography.graph.candidates import FIRST, AllowedNodes, candi
 from choreograph.choreography.graph.cost import WeightedCost
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature, node_motifs, song_words_s
 from choreograph.choreography.graph.path_costs import WALK_AT, FormCost
-from choreograph.choreography.graph.returns import Returns
+from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.graph.segments import ClipTable, LayerSource
 from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import CountedClips
@@ -143,7 +143,10 @@ def song_grid(request: DanceRequest) -> SongGrid | None:
 
 
 def _counted_clips(
-    request: DanceRequest, used: NDArray[np.int64], joins_s: NDArray[np.float64], returns: Returns | None
+    request: DanceRequest,
+    used: NDArray[np.int64],
+    joins_s: NDArray[np.float64],
+    returns: PhraseReturns | None,
 ) -> CountedClips | None:
     """The `used` clips of takes with counts, or None if there are none or counts are not used."""
     if request.config.warping != "counts":

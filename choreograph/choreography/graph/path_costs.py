@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import Cost, CostContext
 from choreograph.choreography.graph.layers import Layer, positions
-from choreograph.choreography.graph.returns import SAME_FRAMES, Returns, moments_of
+from choreograph.choreography.graph.phrase_returns import SAME_FRAMES, PhraseReturns, moments_of
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, seconds_to_frames
@@ -231,7 +231,7 @@ class FormCost(Cost):
     min_path_cost = 0.0
     min_jump_cost = 0.0
 
-    def __init__(self, returns: Returns) -> None:
+    def __init__(self, returns: PhraseReturns) -> None:
         self.returns = returns
 
     @classmethod

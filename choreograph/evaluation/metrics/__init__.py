@@ -12,7 +12,7 @@ Music and dance
 - `energy_response` — whether the dance is bigger where the song is louder, section by section
 - `labels` — distances between paired labels of dance and music (openness, intensity, rhythm, asymmetry)
 - `structure` — motif signatures and transitions, repeats, agreement with the sections of the song
-- `returns` — whether the dance returns with the phrases of its song, and differs between them
+- `phrase_returns` — whether the dance returns with the phrases of its song, and differs between them
 - `transitions` — how often takes change, and whether at borders of bars and figures
 - `requests` — whether a requested genre is danced, at its tempi, and whether dances differ with another seed
 

@@ -9,9 +9,9 @@ from . import frechet as frechet
 from . import front as front
 from . import labels as labels
 from . import motion_beat_detectors as motion_beat_detectors
+from . import phrase_returns as phrase_returns
 from . import physical as physical
 from . import requests as requests
-from . import returns as returns
 from . import scene as scene
 from . import structure as structure
 from . import transitions as transitions

@@ -13,8 +13,8 @@ from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes
 from choreograph.choreography.graph.layers import MIDDLE, positions
 from choreograph.choreography.graph.local_search import CheapNodes
 from choreograph.choreography.graph.path_costs import FormCost, Variety
+from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy
-from choreograph.choreography.graph.returns import Returns
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.errors import ParameterError
 from choreograph.music.count_grids import SongGrid
@@ -44,9 +44,11 @@ def form(letters: str) -> Form:
     )  # fmt: skip
 
 
-def returns(letters: str, opening_s: float = 0.0) -> tuple[Returns, int]:
+def returns(letters: str, opening_s: float = 0.0) -> tuple[PhraseReturns, int]:
     end_s = len(letters) * PHRASE_S
-    return Returns.of(form(letters), grid(), lambda at_s: opening_s <= at_s <= end_s), int(np.ceil(end_s))
+    return PhraseReturns.of(form(letters), grid(), lambda at_s: opening_s <= at_s <= end_s), int(
+        np.ceil(end_s)
+    )
 
 
 @pytest.mark.parametrize(("letters", "later"), [("AA", 16), ("ABA", 32), ("ABCAB", 48)])
@@ -79,7 +81,7 @@ def test_only_the_last_four_counts_before_other_music_may_vary():
 
 def test_new_music_and_songs_without_phrases_have_no_returns():
     assert len(returns("ABC")[0].seconds) == 0
-    assert len(Returns.of(Form.empty(), grid(), lambda at_s: True).seconds) == 0
+    assert len(PhraseReturns.of(Form.empty(), grid(), lambda at_s: True).seconds) == 0
 
 
 def test_music_during_a_held_pose_is_danced_for_the_first_time_later():
@@ -118,7 +120,7 @@ def test_candidates_of_a_repeat_begin_at_the_same_count_of_the_take():
 
 N_SECONDS = 8
 PAIRS = ((5, 0.4), (6, 1.4), (7, 2.4))  # (second, moment that it returns to)
-OF_PAIRS = Returns(
+OF_PAIRS = PhraseReturns(
     np.array([second for second, _ in PAIRS]), np.array([first_s for _, first_s in PAIRS]),
     np.ones(3, bool), np.array([1.0, 1.0, 0.5]), np.full(3, 10),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Returns: whether a dance returns with the phrases of its song, and differs between them.
+"""Phrases that return: whether a dance returns with the phrases of its song, and differs between them.
 
 Conventions: the phrases of a song are spans (P, 2) in seconds, in order, with labels (P,). Equal labels mean
 the same music, count by count. Phrases are compared at equal shares of their length, which are equal counts
@@ -30,8 +30,8 @@ def validate(phrases_s: Floats, labels: Labels) -> None:
 
     Examples
     --------
-    >>> cg.metrics.returns.validate(np.array([[0.0, 8.0], [8.0, 16.0]]), ["A", "B"])
-    >>> cg.metrics.returns.validate(np.array([[0.0, 8.0], [8.0, 8.0]]), ["A", "B"])
+    >>> cg.metrics.phrase_returns.validate(np.array([[0.0, 8.0], [8.0, 16.0]]), ["A", "B"])
+    >>> cg.metrics.phrase_returns.validate(np.array([[0.0, 8.0], [8.0, 8.0]]), ["A", "B"])
     Traceback (most recent call last):
         ...
     choreograph.core.errors.ParameterError: expected phrases in order, each ending after its start
@@ -56,7 +56,7 @@ def pose_distances_m(body_pos_m: Floats, fps: float, phrases_s: Floats) -> Float
     >>> high[:, 20, 1] = 2.1  # one joint of 21 is higher
     >>> dance = np.concatenate([low, high, low])
     >>> phrases_s = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]])
-    >>> cg.metrics.returns.pose_distances_m(dance, 60.0, phrases_s).round(1)[0].tolist()
+    >>> cg.metrics.phrase_returns.pose_distances_m(dance, 60.0, phrases_s).round(1)[0].tolist()
     [0.0, 0.1, 0.0]
     """
     spans = np.asarray(phrases_s, np.float64)
@@ -76,7 +76,7 @@ def same_shares(takes: Sequence[str], pieces_s: Floats, phrases_s: Floats) -> Fl
     --------
     >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4], [8, 12, 10, 14]])
     >>> phrases_s = np.array([[0.0, 4.0], [4.0, 8.0], [8.0, 12.0]])
-    >>> cg.metrics.returns.same_shares(["a", "b", "a"], pieces_s, phrases_s)[0].tolist()
+    >>> cg.metrics.phrase_returns.same_shares(["a", "b", "a"], pieces_s, phrases_s)[0].tolist()
     [1.0, 0.0, 1.0]
     """
     spans = np.asarray(phrases_s, np.float64)
@@ -98,7 +98,7 @@ def shared_between_sections(
     --------
     >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4], [8, 12, 12, 16]])
     >>> phrases_s = np.array([[0.0, 4.0], [4.0, 8.0], [8.0, 12.0]])
-    >>> shared = cg.metrics.returns.shared_between_sections
+    >>> shared = cg.metrics.phrase_returns.shared_between_sections
     >>> [round(shared(["a", "b", "a"], pieces_s, phrases_s, labels), 1) for labels in ("ABA", "ABC")]
     [0.0, 0.4]
     """
@@ -117,7 +117,8 @@ def return_mean(values: Floats, labels: Labels) -> float:
     Examples
     --------
     >>> values = np.array([[0.0, 3.0, 1.0], [3.0, 0.0, 3.0], [1.0, 3.0, 0.0]])
-    >>> cg.metrics.returns.return_mean(values, "ABA"), cg.metrics.returns.other_mean(values, "ABA")
+    >>> returns = cg.metrics.phrase_returns
+    >>> returns.return_mean(values, "ABA"), returns.other_mean(values, "ABA")
     (1.0, 3.0)
     """
     table, number = _checked(values, labels)
@@ -133,7 +134,7 @@ def other_mean(values: Floats, labels: Labels) -> float:
 
     Examples
     --------
-    >>> cg.metrics.returns.other_mean(np.array([[0.0, 3.0], [3.0, 0.0]]), "AB")
+    >>> cg.metrics.phrase_returns.other_mean(np.array([[0.0, 3.0], [3.0, 0.0]]), "AB")
     3.0
     """
     table, number = _checked(values, labels)
@@ -157,7 +158,7 @@ def evaluate(
     --------
     >>> still = np.zeros((180, 21, 3))
     >>> still[:, 1, 0], still[:, 2, 0] = 0.1, -0.1
-    >>> scores = cg.metrics.returns.evaluate(
+    >>> scores = cg.metrics.phrase_returns.evaluate(
     ...     still, 60.0, ["a", "b", "a"], np.array([[0, 1, 5, 6], [1, 2, 0, 1], [2, 3, 5, 6]]),
     ...     phrases_s=np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]), labels="ABA",
     ... )

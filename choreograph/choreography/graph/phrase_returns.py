@@ -20,7 +20,7 @@ SAME_FRAMES = 0.25 * NET_FPS  # largest distance of two positions in a take that
 
 
 @dataclass(frozen=True, eq=False)
-class Returns:
+class PhraseReturns:
     """The seconds of a song in which music returns, each with the moment that its middle returns to.
 
     A new phrase after one that returns is paired as well, with what followed there before (ABAC: C with the
@@ -34,7 +34,7 @@ class Returns:
     counts_later: NDArray[np.int64]  # (R,) from the moment to its return
 
     @classmethod
-    def of(cls, form: Form, grid: SongGrid, is_planned: Callable[[float], bool]) -> Returns:
+    def of(cls, form: Form, grid: SongGrid, is_planned: Callable[[float], bool]) -> PhraseReturns:
         """The returns of a song's phrases, by the grid of its beats, among the moments that are planned."""
         pairs: list[_Pair] = []
         labels = form.labels

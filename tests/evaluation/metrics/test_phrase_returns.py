@@ -7,7 +7,7 @@ import pytest
 from synthetic_motions import stepping
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics import returns
+from choreograph.evaluation.metrics import phrase_returns
 from choreograph.motion.body import body_pos_m
 
 PHRASE_S = 4.0
@@ -41,7 +41,7 @@ def scores():
     sources = {"a": 0.0, "b": 10.0, "c": 20.0, "d": 30.0}
 
     def of(letters: str) -> dict[str, float]:
-        return returns.evaluate(
+        return phrase_returns.evaluate(
             danced(letters), FPS, ["take"] * len(letters), pieces(*(sources[letter] for letter in letters)),
             phrases_s=spans(len(letters)), labels="ABAB",
         )  # fmt: skip
@@ -81,21 +81,23 @@ def test_one_phrase_over_and_over_returns_by_chance(scores):
 def test_place_and_heading_do_not_count():
     body = danced("ab")
     turned = body @ np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]) + [2.0, 0.0, 1.0]
-    distances_m = returns.pose_distances_m(np.concatenate([body, turned]), FPS, spans(4))
+    distances_m = phrase_returns.pose_distances_m(np.concatenate([body, turned]), FPS, spans(4))
     assert distances_m[0, 2] < 1e-6 < distances_m[0, 1]
     assert np.allclose(distances_m, distances_m.T)
 
 
 def test_moments_within_a_quarter_of_a_second_are_the_same():
-    shares = [returns.same_shares(["t", "t"], pieces(0.0, shift_s), spans(2))[0, 1] for shift_s in (0.2, 0.3)]
+    shares = [
+        phrase_returns.same_shares(["t", "t"], pieces(0.0, shift_s), spans(2))[0, 1] for shift_s in (0.2, 0.3)
+    ]
     assert shares == [1.0, 0.0]
-    assert returns.same_shares(["t", "u"], pieces(0.0, 0.0), spans(2))[0, 1] == 0.0
+    assert phrase_returns.same_shares(["t", "u"], pieces(0.0, 0.0), spans(2))[0, 1] == 0.0
 
 
 def test_without_returns_or_other_phrases_there_is_no_value():
     values = np.zeros((3, 3))
-    assert np.isnan(returns.return_mean(values, "ABC"))
-    assert np.isnan(returns.other_mean(values, "AAA"))
+    assert np.isnan(phrase_returns.return_mean(values, "ABC"))
+    assert np.isnan(phrase_returns.other_mean(values, "AAA"))
 
 
 @pytest.mark.parametrize(
@@ -110,15 +112,15 @@ def test_without_returns_or_other_phrases_there_is_no_value():
 )
 def test_malformed_phrases_are_refused(phrases_s, labels):
     with pytest.raises(ParameterError, match=r"expected .*phrases"):
-        returns.validate(phrases_s, labels)
+        phrase_returns.validate(phrases_s, labels)
     with pytest.raises(ParameterError, match=r"expected .*phrases"):
-        returns.shared_between_sections(["t"], pieces(0.0), phrases_s, labels)
+        phrase_returns.shared_between_sections(["t"], pieces(0.0), phrases_s, labels)
 
 
 def test_malformed_values_are_refused():
     with pytest.raises(ParameterError, match=r"expected finite values \(2, 2\)"):
-        returns.return_mean(np.zeros((2, 3)), "AB")
+        phrase_returns.return_mean(np.zeros((2, 3)), "AB")
     with pytest.raises(ParameterError, match=r"expected finite values \(2, 2\)"):
-        returns.other_mean(np.full((2, 2), np.nan), "AB")
+        phrase_returns.other_mean(np.full((2, 2), np.nan), "AB")
     with pytest.raises(ParameterError, match="body positions"):
-        returns.pose_distances_m(np.zeros((10, 3)), FPS, spans(2))
+        phrase_returns.pose_distances_m(np.zeros((10, 3)), FPS, spans(2))
