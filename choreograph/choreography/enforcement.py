@@ -223,8 +223,8 @@ class Border:
 
 def gap_borders(kept: KeptDance, duration_s: float) -> list[Border]:
     """The times at which gaps begin after a kept part, or end before one."""
-    ends = [Border(k.end_s, True) for k in kept.stretches if k.end_s < duration_s]
-    starts = [Border(k.start_s, False) for k in kept.stretches if k.start_s > 0]
+    ends = [Border(k.end_s, True) for k in kept.spans if k.end_s < duration_s]
+    starts = [Border(k.start_s, False) for k in kept.spans if k.start_s > 0]
     return sorted(ends + starts, key=lambda border: border.at_s)
 
 

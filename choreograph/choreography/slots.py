@@ -35,31 +35,31 @@ class KeptDance:
 
     motion: Motion  # (T frames) the whole dance, at the rate of the new one
     duration_s: float  # of the new dance, which may be a few frames shorter or longer
-    stretches: tuple[Keep, ...]  # in order, disjoint
+    spans: tuple[Keep, ...]  # in order, disjoint
     name: str  # of its file, for the plan
     plan: Plan | None = None  # of the whole dance, if it is known
     notes: tuple[str, ...] = ()  # on what is kept beyond the request
 
     @property
     def frames(self) -> list[tuple[int, int]]:
-        """Each stretch as its first frame, and the one after its last."""
+        """Each span as its first frame, and the one after its last."""
         fps, n_frames = self.motion.fps, self.motion.n_frames
         return [
             (seconds_to_frames(keep.start_s, fps), min(seconds_to_frames(keep.end_s, fps), n_frames))
-            for keep in self.stretches
+            for keep in self.spans
         ]
 
     @property
     def gaps_s(self) -> list[tuple[float, float]]:
         """The spans that are planned again, in order."""
-        borders_s = [s for keep in self.stretches for s in (keep.start_s, keep.end_s)]
+        borders_s = [s for keep in self.spans for s in (keep.start_s, keep.end_s)]
         times_s = [0.0, *(min(s, self.duration_s) for s in borders_s), self.duration_s]
         pairs = zip(times_s[::2], times_s[1::2], strict=True)
         return [(start_s, end_s) for start_s, end_s in pairs if end_s - start_s > _TOUCH_S]
 
     def keeps(self, start_s: float, end_s: float) -> bool:
         """Whether any part of a span is kept."""
-        return any(start_s < k.end_s and k.start_s < end_s for k in self.stretches)
+        return any(start_s < k.end_s and k.start_s < end_s for k in self.spans)
 
 
 def kept_dance(
@@ -84,11 +84,11 @@ def kept_dance(
             f"expected a dance of {duration_s:.1f} s to keep parts of, got one of {motion.duration_s:.1f} s: "
             "is it to another song, or to another part of it?"
         )
-    stretches, notes = _to_the_ends(sorted(keeps, key=lambda keep: keep.start_s), duration_s)
-    borders_s = [0.0, *(at for keep in stretches for at in (keep.start_s, keep.end_s)), duration_s]
+    spans, notes = _to_the_ends(sorted(keeps, key=lambda keep: keep.start_s), duration_s)
+    borders_s = [0.0, *(at for keep in spans for at in (keep.start_s, keep.end_s)), duration_s]
     gaps_s = [stop - start for start, stop in zip(borders_s[::2], borders_s[1::2], strict=True)]
     if min(gaps_s) < -_TOUCH_S:
-        raise ParameterError(f"expected parts that do not overlap, got {', '.join(map(str, stretches))}")
+        raise ParameterError(f"expected parts that do not overlap, got {', '.join(map(str, spans))}")
     if max(gaps_s) <= _TOUCH_S:
         raise ParameterError("expected a part of the dance that is not kept, got none: all of it is kept")
     short = [gap for gap in gaps_s[1:-1] if _TOUCH_S < gap < SHORTEST_GAP_S]
@@ -97,25 +97,25 @@ def kept_dance(
             f"expected gaps of {SHORTEST_GAP_S:g} s or more between what is kept, got one of {short[0]:.2f} "
             "s: keep less, or all of it"
         )
-    return KeptDance(motion, duration_s, tuple(stretches), name, plan, notes)
+    return KeptDance(motion, duration_s, tuple(spans), name, plan, notes)
 
 
 def _to_the_ends(keeps: Sequence[Keep], duration_s: float) -> tuple[list[Keep], tuple[str, ...]]:
     """The parts in order, extended to the start or end of the dance if little is left there, and notes."""
-    stretches = list(keeps)
+    spans = list(keeps)
     before_s, after_s = keeps[0].start_s, duration_s - keeps[-1].end_s
     if before_s < _SHORTEST_END_S:
-        stretches[0] = replace(stretches[0], start_s=0.0)
+        spans[0] = replace(spans[0], start_s=0.0)
     if after_s < _SHORTEST_END_S:
-        stretches[-1] = replace(stretches[-1], end_s=duration_s)
+        spans[-1] = replace(spans[-1], end_s=duration_s)
     too_short = [
         f"the {which} {left_s:.2f} s"
         for which, left_s in (("first", before_s), ("last", after_s))
         if LENGTH_SLACK_S < left_s < _SHORTEST_END_S
     ]
     if not too_short:
-        return stretches, ()
-    return stretches, (
+        return spans, ()
+    return spans, (
         f"{' and '.join(too_short)} of the existing dance are kept: too short to be planned again",
     )
 

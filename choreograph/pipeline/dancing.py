@@ -240,7 +240,7 @@ def dance(
         is given
     pins : each a `MotifPin` or a `TakePin`, in seconds of the dance
     bans : takes, genres and motifs that must not be danced
-    keep : stretches of the `existing` dance that are kept exactly. Gaps of 2 s or more are planned again
+    keep : spans of the `existing` dance that are kept exactly. Gaps of 2 s or more are planned again
     existing : a dance to the same part of the song, as made by `dance` or as a .bvh, .npz or plan file
     costs : custom costs beside those of the engine, with the weight 1 unless given
     start_s, duration_s : the part of the song to dance to, by default that of the plan of the `existing`
@@ -406,7 +406,7 @@ def _danced(
 
 def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire) -> ExistingDance | None:
     if existing is None and keep:
-        raise ParameterError("expected an existing dance beside the stretches to keep, got none")
+        raise ParameterError("expected an existing dance beside the spans to keep, got none")
     if existing is None:
         return None
     if isinstance(existing, Dance):

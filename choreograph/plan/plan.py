@@ -133,11 +133,20 @@ class PlannedEdit:
 class Block:
     """One part of one take, and its time in the dance."""
 
-    start_s: float  # in the dance
-    end_s: float  # in the dance
-    source_start_s: float  # in the take
-    source_end_s: float  # in the take
-    planned: PlannedSecond | PlannedWord  # the entry of the plan that it belongs to
+    start_s: float
+    """When it begins, in seconds of the dance."""
+
+    end_s: float
+    """When it ends, in seconds of the dance."""
+
+    source_start_s: float
+    """Where it begins in the take, in seconds."""
+
+    source_end_s: float
+    """Where it ends in the take, in seconds."""
+
+    planned: PlannedSecond | PlannedWord
+    """The entry of the plan that it belongs to."""
 
     @property
     def kept(self) -> str:

@@ -36,13 +36,13 @@ _RADIUS_M = 0.3  # distance that the feet move in a turn of a radian, about
 _STANDING = 0.05  # share of the mean speed at which a standing body is corrected
 
 
-def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Motion:
-    """`kept` within `stretches`, unchanged, and elsewhere `filling`, moved and blended to meet it.
+def fill_gaps(kept: Motion, filling: Motion, spans: Sequence[Frames]) -> Motion:
+    """`kept` within `spans`, unchanged, and elsewhere `filling`, moved and blended to meet it.
 
     Parameters
     ----------
     kept, filling : motions of one skeleton, rate and length
-    stretches : frames of `kept` in order, disjoint, a gap of a second or more between two
+    spans : frames of `kept` in order, disjoint, a gap of a second or more between two
 
     The filling of a gap begins where the body stands. It is turned and shifted so that it ends where the next
     kept part begins. The correction is largest where the body travels and least where it stands. Feet are
@@ -56,12 +56,12 @@ def fill_gaps(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> Mot
             f"{filling.n_frames} at {filling.fps:g}, or another skeleton"
         )
     root, quat = np.array(kept.root_pos_m), np.array(kept.local_quat)
-    gaps = gaps_between(stretches, kept.n_frames)
+    gaps = gaps_between(spans, kept.n_frames)
     for gap in gaps:
         _fill(root, quat, gap, kept, filling)
     filled = Motion(kept.skeleton, root, rot.normalize(quat), kept.fps)
     quat = _with_locked_feet(filled, gaps)
-    for first, stop in stretches:
+    for first, stop in spans:
         quat[first:stop] = kept.local_quat[first:stop]
     return replace(filled, local_quat=quat)
 
@@ -73,17 +73,17 @@ def of_length(motion: Motion, n_frames: int) -> Motion:
     return motion.sampled(np.minimum(np.arange(n_frames), motion.n_frames - 1).astype(np.float64))
 
 
-def gaps_between(stretches: Sequence[Frames], n_frames: int) -> list[Frames]:
-    """The gaps between stretches of `n_frames` frames, in order."""
-    borders = [0, *(border for stretch in stretches for border in stretch), n_frames]
+def gaps_between(spans: Sequence[Frames], n_frames: int) -> list[Frames]:
+    """The gaps between spans of `n_frames` frames, in order."""
+    borders = [0, *(border for span in spans for border in span), n_frames]
     pairs = zip(borders[::2], borders[1::2], strict=True)
     return [(first, stop) for first, stop in pairs if first < stop]
 
 
-def correction_speed_m_s(kept: Motion, filling: Motion, stretches: Sequence[Frames]) -> float:
+def correction_speed_m_s(kept: Motion, filling: Motion, spans: Sequence[Frames]) -> float:
     """The fastest correction of a filling in any gap, turn and shift together, in metres a second."""
     fastest = 0.0
-    for first, stop in gaps_between(stretches, kept.n_frames):
+    for first, stop in gaps_between(spans, kept.n_frames):
         if first > 0 and stop < kept.n_frames:
             before, after = _run(kept, 0, first, locked=True), _run(kept, stop, kept.n_frames, locked=True)
             run = _run(filling, first, stop, locked=False)

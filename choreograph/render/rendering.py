@@ -202,8 +202,8 @@ def with_edit(motion: Motion, plan: Plan, edit: PlannedEdit, read_motion: Motion
     )  # fmt: skip
     held = replace(window, stops_s=(*window.stops_s, *held_spans_s(window.words)))
     filling = of_length(with_dynamics(made, joins, held), end - begin)
-    stretches = [span for span in ((0, first - begin), (stop - begin, end - begin)) if span[0] < span[1]]
-    filled = fill_gaps(motion.sliced(begin, end), filling, stretches)
+    spans = [span for span in ((0, first - begin), (stop - begin, end - begin)) if span[0] < span[1]]
+    filled = fill_gaps(motion.sliced(begin, end), filling, spans)
     root_pos_m, local_quat = motion.root_pos_m.copy(), motion.local_quat.copy()
     root_pos_m[first:stop] = filled.root_pos_m[first - begin : stop - begin]
     local_quat[first:stop] = filled.local_quat[first - begin : stop - begin]

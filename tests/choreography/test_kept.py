@@ -18,18 +18,18 @@ def kept(*spans, duration_s=DURATION_S):
     return kept_dance(MOTION, [Keep(*span) for span in spans], duration_s, name="old.npz")
 
 
-def test_stretches_are_in_order_and_reach_the_ends():
+def test_spans_are_in_order_and_reach_the_ends():
     found = kept((8.0, 11.95), (0.04, 3.0))
-    assert [str(k) for k in found.stretches] == ["0-3", f"8-{DURATION_S:g}"]
+    assert [str(k) for k in found.spans] == ["0-3", f"8-{DURATION_S:g}"]
     assert found.frames == [(0, 90), (240, 360)]
     assert found.keeps(2.0, 4.0) and not found.keeps(3.0, 8.0)
 
 
 def test_what_is_left_at_an_end_is_kept_if_it_is_too_short():
     found = kept((6.0, 11.5))
-    assert [str(k) for k in found.stretches] == ["6-12"] and found.frames == [(180, 360)]
+    assert [str(k) for k in found.spans] == ["6-12"] and found.frames == [(180, 360)]
     assert found.notes == ("the last 0.50 s of the existing dance are kept: too short to be planned again",)
-    assert [str(k) for k in kept((1.0, 10.9)).stretches] == ["1-10.9"] and not kept((1.0, 10.9)).notes
+    assert [str(k) for k in kept((1.0, 10.9)).spans] == ["1-10.9"] and not kept((1.0, 10.9)).notes
     with pytest.raises(ParameterError, match="all of it is kept"):
         kept((0.9, 11.5))
 
@@ -47,7 +47,7 @@ def test_what_is_left_at_an_end_is_kept_if_it_is_too_short():
         ([(np.nan, 5.0)], "start_s of a Keep in seconds, got nan"),
     ],
 )
-def test_stretches_that_cannot_be_kept(spans, said):
+def test_spans_that_cannot_be_kept(spans, said):
     with pytest.raises(ParameterError, match=said):
         kept(*spans)
 
@@ -72,7 +72,7 @@ def test_text_that_is_no_stretch(text):
         parse_keep(text)
 
 
-def test_stretches_as_text():
+def test_spans_as_text():
     assert parse_keep("1.5-20") == Keep(1.5, 20.0)
     assert parse_keep("0:10-1:02:03.5") == Keep(10.0, 3723.5)
     assert parse_keep(str(Keep(0.25, 3.0))) == Keep(0.25, 3.0)

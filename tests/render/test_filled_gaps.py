@@ -35,11 +35,11 @@ def walking(seed: int, *, turn_rad_s: float = 0.3, speed_m_s: float = 0.4) -> Mo
     st.integers(2, 5), st.floats(-1.0, 1.0),
     st.sampled_from([((0, 90), (200, 300)), ((100, 200),), ((0, 60), (130, 160), (260, 300)), ((0, 150),)]),
 )  # fmt: skip
-def test_what_is_kept_is_kept_to_the_bit_and_the_rest_is_continuous(seed, turn_rad_s, stretches):
+def test_what_is_kept_is_kept_to_the_bit_and_the_rest_is_continuous(seed, turn_rad_s, spans):
     filling = walking(seed, turn_rad_s=turn_rad_s)
     before = np.array(filling.root_pos_m)
-    filled = fill_gaps(KEPT, filling, stretches)
-    for first, stop in stretches:
+    filled = fill_gaps(KEPT, filling, spans)
+    for first, stop in spans:
         assert np.array_equal(filled.root_pos_m[first:stop], KEPT.root_pos_m[first:stop])
         assert np.array_equal(filled.local_quat[first:stop], KEPT.local_quat[first:stop])
     speed = np.linalg.norm(np.diff(body_pos_m(filled), axis=0), axis=-1).max(axis=1) * FPS
@@ -66,10 +66,10 @@ def test_a_dance_filled_with_itself_stays():
 
 
 def test_a_filling_that_walks_elsewhere_is_led_back():
-    stretches = ((0, 90), (200, 300))
+    spans = ((0, 90), (200, 300))
     away, near = walking(2, speed_m_s=1.0), walking(2, speed_m_s=0.0, turn_rad_s=0.0)
-    assert correction_speed_m_s(KEPT, away, stretches) > 2 * correction_speed_m_s(KEPT, near, stretches)
-    filled = fill_gaps(KEPT, away, stretches)
+    assert correction_speed_m_s(KEPT, away, spans) > 2 * correction_speed_m_s(KEPT, near, spans)
+    filled = fill_gaps(KEPT, away, spans)
     step_m = np.linalg.norm(np.diff(filled.root_pos_m[:, [0, 2]], axis=0), axis=1)
     assert step_m[199] < 3.0 / FPS  # the last one, into what is kept
 

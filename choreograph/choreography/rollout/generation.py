@@ -128,11 +128,11 @@ class HeldPoses:
     held: NDArray[np.bool_]  # (T,) which of them are given
 
     @classmethod
-    def of(cls, motion: Motion, stretches: Sequence[tuple[int, int]]) -> HeldPoses:
-        """The poses of a motion within stretches of frames, each the first and the one after the last."""
+    def of(cls, motion: Motion, spans: Sequence[tuple[int, int]]) -> HeldPoses:
+        """The poses of a motion within spans of frames, each the first and the one after the last."""
         poses = to_poses(motion.resampled(ROLLOUT_FPS))
         frame = np.arange(len(poses)) * motion.fps / ROLLOUT_FPS
-        held = [(frame >= first) & (frame < stop) for first, stop in stretches]
+        held = [(frame >= first) & (frame < stop) for first, stop in spans]
         return cls(poses, np.any(held, axis=0))
 
 
