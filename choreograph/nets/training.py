@@ -36,7 +36,6 @@ from torch import Tensor, nn
 from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import atomic_path, writing
-from choreograph.nets.adamw import AdamW
 from choreograph.nets.configs import DEVICES
 from choreograph.nets.processes import (
     agreed,
@@ -133,7 +132,7 @@ def train(
         context=TrainingContext(device=context.device, precision=context.precision), prepare=prepare,
     )  # fmt: skip
     module.to(device).train()
-    optimizer = AdamW(module.parameters(), weight_decay)
+    optimizer = torch.optim.AdamW(module.parameters(), weight_decay=weight_decay)
     # The round trip through JSON turns tuples into lists, as in the checkpoint.
     expected = json.loads(json.dumps({**context.content, **configuration, "seed": seed, "steps": n_steps}))
     run = _Run(name, n_steps, module, optimizer, expected, context)
@@ -154,7 +153,8 @@ def train(
                 torch.autograd.backward(value)
                 average_gradients(module)
                 factor = 1.0 if schedule == "constant" else _cosine_factor(run.step, n_steps)
-                optimizer.step(learning_rate * factor)
+                optimizer.param_groups[0]["lr"] = learning_rate * factor
+                optimizer.step()
                 mean, is_interrupted = agreed(float(value.detach()), interrupted())
                 run.advance(mean)
                 if is_interrupted:
@@ -275,7 +275,7 @@ class _Run:
         name: str,
         n_steps: int,
         module: nn.Module,
-        optimizer: AdamW,
+        optimizer: torch.optim.Optimizer,
         configuration: Mapping[str, Any],
         context: TrainingContext,
     ) -> None:
