@@ -39,6 +39,17 @@ print([name for name in {HEAVY + PEAKS!r} if name in sys.modules])
     assert last_line_of(code, tmp_path) == "[]"
 
 
+@pytest.mark.parametrize("command", [[], ["dance"], ["scene"], ["build-db"]])
+def test_help_imports_no_compiler(command, tmp_path):
+    code = f"""
+import sys
+from choreograph.cli import main
+main({[*command, "--help"]!r}, standalone_mode=False)
+print([name for name in {("numba", "h5py", *HEAVY, *PEAKS)!r} if name in sys.modules])
+"""
+    assert last_line_of(code, tmp_path) == "[]"
+
+
 def test_a_stream_imports_neither_torch_nor_librosa(tmp_path):
     code = f"""
 import sys
