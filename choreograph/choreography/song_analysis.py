@@ -21,7 +21,6 @@ from choreograph.choreography.genres import (
 from choreograph.core.cache import NO_MEMORY, DiskCache, Memory
 from choreograph.core.counts import Counts
 from choreograph.core.files import sha256_of
-from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
@@ -102,9 +101,8 @@ def _analysis(
 ) -> tuple[SongFeatures, tuple[str, ...]]:
     n_seconds = max(1, int(np.ceil(song.duration_s - 1e-9)))
     notes = list(song.notes)
-    mel = log_mel(song.sound, report=part(report, 0, 10, _STEPS))  # (T, 96)
+    mel = log_mel(song.samples, report=part(report, 0, 10, _STEPS))  # (T, 96)
     counts = song_counts(song, mel, beats)
-    return_memory(song.duration_s)
     if report is not None:
         report(20, _STEPS)
     if names_a_tracker(beats):
@@ -112,7 +110,6 @@ def _analysis(
     rhythm = rhythm_features(mel, counts)
     style, beat_count, style_notes = _style(repertoire, mel, rhythm, n_seconds)
     notes += style_notes
-    return_memory(song.duration_s)
     if report is not None:
         report(25, _STEPS)
     sections, form, _ = song_structure(song, counts, part(report, 25, 60, _STEPS))
@@ -133,13 +130,13 @@ def _analysis(
         beat_count,
         _wanted_density(repertoire, mel, counts.times_s, n_seconds),
         sections,
-        energy_per_second(song.sound, n_seconds, onset_envelopes(mel).mean(axis=1)),
+        energy_per_second(song.samples, n_seconds, onset_envelopes(mel).mean(axis=1)),
         opening_s,
         closing_s,
         onset_density(mel, n_seconds),
         off_beat_share(rhythm),
         form,
-        stops_s(song.sound, counts),
+        stops_s(song.samples, counts),
     )
     return features, tuple(notes)
 
@@ -149,7 +146,7 @@ def song_structure(
 ) -> tuple[Sections, Form, NDArray[np.float32]]:
     """The sections of a song, its phrases, and the spectral features (B, 87) that they are found by."""
     bounds_s = phrase_bounds_s(counts, song.duration_s)
-    features = spectral_features(song.sound, bounds_s, report=report)
+    features = spectral_features(song.samples, bounds_s, report=report)
     sections = song_sections(
         features[: max(0, len(counts) - 1)],
         counts.times_s,
@@ -193,7 +190,7 @@ def _danceable(
     bounds_s = np.r_[-np.inf, bounds_s[at_changes(bounds_s, change_times_s(tracked))], np.inf]
     of_parts = []
     for span_s in pairwise(bounds_s):
-        levels = metrical_levels(song.sound, mel, between(tracked, *span_s))
+        levels = metrical_levels(song.samples, mel, between(tracked, *span_s))
         of_parts.append([levels[0], *(level for level in levels[1:] if len(level) > 1)])
     if losses is not None and losses[0]:
         chosen = _likeliest_levels(of_parts, bounds_s[1:-1], repertoire, style, *losses)
@@ -219,7 +216,7 @@ def _at_one_level(tracked: Counts, song: Song, mel: NDArray[np.float32], reperto
     bpm = tempo_bpm(longest)
     chosen = []
     for tracked_part in of_parts:
-        levels = metrical_levels(song.sound, mel, tracked_part)
+        levels = metrical_levels(song.samples, mel, tracked_part)
         same = [level for level in levels if len(level) > 1 and _is_same(tempo_bpm(level), bpm)]
         same = [level for level in same if level.metre == longest.metre]
         chosen.append(same[0] if same else tracked_part)

@@ -6,8 +6,10 @@ import ctypes
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from threading import Event, Thread
 
 LONG_S = 600.0  # of a song whose free memory is returned
+_EVERY_S = 0.5
 
 # Parameters of `mallopt` of the GNU C library, and their values in bytes: within a long song, and as the
 # library would have set them itself once a large array was freed.
@@ -17,33 +19,33 @@ _USUAL = {_TRIM_THRESHOLD: 1 << 26, _MMAP_THRESHOLD: 1 << 25}
 
 
 @contextmanager
-def large_arrays_returned(duration_s: float) -> Iterator[None]:
-    """Give the memory of arrays of 1 MB or more to the system when they are freed, in a long song.
+def memory_returned(duration_s: float) -> Iterator[None]:
+    """Give memory that is free to the system in the block, for a long song and where the C library can.
 
-    Otherwise, the C library keeps arrays of up to 32 MB for later ones, between which gaps remain.
+    Otherwise, the library keeps arrays of up to 32 MB for later ones, between which gaps remain. Smaller ones
+    leave gaps, too, which are returned twice a second: they have 0.6 GB in an hour of song.
     """
-    if not _is_long(duration_s):
+    if duration_s <= LONG_S or sys.platform != "linux":
         yield
         return
+    ended = Event()
+    returning = Thread(target=_return_memory, args=(ended,), name="free memory", daemon=True)
     _set(_IN_LONG_SONG)
+    returning.start()
     try:
         yield
     finally:
+        ended.set()
+        returning.join()
         _set(_USUAL)
 
 
-def return_memory(duration_s: float) -> None:
-    """Give memory that is free to the system, in a long song and where the C library can: 0.6 GB in an hour.
-
-    It would stay in small gaps, which the large arrays of the next stage do not fit into.
-    """
-    if _is_long(duration_s):
-        with suppress(OSError, AttributeError):  # of another C library
+def _return_memory(ended: Event) -> None:
+    with suppress(OSError, AttributeError):  # of another C library
+        is_last = False
+        while not is_last:
+            is_last = ended.wait(_EVERY_S)
             ctypes.CDLL(None).malloc_trim(0)
-
-
-def _is_long(duration_s: float) -> bool:
-    return duration_s > LONG_S and sys.platform == "linux"
 
 
 def _set(parameters: dict[int, int]) -> None:

@@ -44,6 +44,10 @@ class ScratchFile:
                     raise OSError("expected the rest of a temporary file, got its end: it was changed")
                 left = left[n_read:]
 
+    def mapped(self, dtype: np.dtype[Any]) -> NDArray[Any]:
+        """All that was written, as an array (N,), which the system reads where it is used."""
+        return np.asarray(np.memmap(self._file, dtype, mode="c"))
+
 
 def _bytes_of(contiguous: NDArray[Any]) -> memoryview:
     return contiguous.data.cast("B") if contiguous.size else memoryview(b"")  # which cannot be cast

@@ -53,8 +53,8 @@ def song_counts(song: Song, log_mel: NDArray[np.floating], beats: str | Path) ->
     given = song_beats(song, log_mel, beats)
     if given.has_bars:
         return given
-    counts = track_bars(song.sound, log_mel, given.times_s)
-    return with_eighths(song.sound, log_mel, counts) if names_a_tracker(beats) else counts
+    counts = track_bars(song.samples, log_mel, given.times_s)
+    return with_eighths(song.samples, log_mel, counts) if names_a_tracker(beats) else counts
 
 
 def names_a_tracker(beats: object) -> bool:

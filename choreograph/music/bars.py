@@ -18,7 +18,6 @@ from choreograph.music._bar_weights import ACCENT_WEIGHTS, CONFIDENCE, METRE_WEI
 from choreograph.music.beats import checked_beat_times_s
 from choreograph.music.constant_q import chroma_filterbank
 from choreograph.music.mel import MEL_BANDS, level_rise, mel_band_hz, windows_around
-from choreograph.music.samples import Samples, as_samples
 
 # Features of the music at every beat, from which bars are estimated.
 #
@@ -57,7 +56,7 @@ REPEAT_NAMES = tuple(f"{name}, {lag} beats" for name in (*_GROUPS, "harmony", "t
 
 
 def beat_evidence(
-    samples: Samples, log_mel: NDArray[np.floating], beat_times_s: Floats
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], beat_times_s: Floats
 ) -> tuple[Floats, Floats]:
     """Accents (Q, 20) and repeats (Q, 60) of two beats or more, as named above. They do not depend on gain.
 
@@ -115,11 +114,11 @@ def _interval_means(log_mel: NDArray[np.floating], floor: float, bounds_s: Float
     return means
 
 
-def _chroma(samples: Samples, bounds_s: Floats) -> tuple[Floats, Floats]:
+def _chroma(samples: NDArray[np.floating], bounds_s: Floats) -> tuple[Floats, Floats]:
     """Compressed chroma of bass and of harmony, (Q, 12) each, from the middle 0.37 s of each beat."""
     middles = np.rint(0.5 * (bounds_s[:-1] + bounds_s[1:]) * SAMPLE_RATE_HZ).astype(np.int64)
     sizes = np.clip(np.rint(np.diff(bounds_s) * SAMPLE_RATE_HZ), 2, _SPECTRUM)
-    samples = as_samples(samples)
+    samples = np.asarray(samples, np.float32)
     offsets = np.arange(_SPECTRUM) - _SPECTRUM // 2
     banks = _chroma_banks()
     chroma = tuple(np.empty((len(middles), 12)) for _ in banks)
@@ -215,7 +214,7 @@ _P_CHANGE = 1e-5  # that a whole bar is followed by another metre
 
 
 def track_bars(
-    samples: Samples,
+    samples: NDArray[np.floating],
     log_mel: NDArray[np.floating],
     beat_times_s: NDArray[np.floating],
     *,

@@ -31,8 +31,7 @@ from choreograph.music.mel import (
     onset_envelopes,
     scaled,
 )
-from choreograph.music.samples import Samples, as_samples, sample_blocks
-from choreograph.music.song import SILENCE_PEAK, Song
+from choreograph.music.song import SILENCE_PEAK, Song, sample_blocks
 from choreograph.music.spectral import spectral_features
 
 # Rhythmic features of music per frame at 30 fps, four numbers each, for the rollout network.
@@ -60,7 +59,7 @@ _FRAME_SAMPLES = SAMPLE_RATE_HZ // FRAME_RHYTHM_FPS  # 735, exactly
 _ONSETS_PER_FRAME = MUSIC_FPS // FRAME_RHYTHM_FPS
 
 
-def frame_rhythm(samples: Samples, beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
+def frame_rhythm(samples: NDArray[np.floating], beat_times_s: NDArray[np.floating]) -> NDArray[np.float32]:
     """The four rhythmic features of every frame: tempogram, onset strength, RMS, beat.
 
     Parameters
@@ -82,7 +81,7 @@ def frame_rhythm(samples: Samples, beat_times_s: NDArray[np.floating]) -> NDArra
     ----------
     Rhythm is a Dancer, section 3.1.1 and Table 2 (a1 to a4).
     """
-    samples = as_samples(samples)
+    samples = np.asarray(samples, np.float32)
     level = loudness(samples)
     duration_s = len(samples) / SAMPLE_RATE_HZ
     beats = checked_beat_times_s(beat_times_s, duration_s)
@@ -118,7 +117,7 @@ def _beat_lag_autocorrelation(
     return correlation
 
 
-def _window_rms(samples: Samples, level: float, n_frames: int) -> NDArray[np.float64]:
+def _window_rms(samples: NDArray[np.floating], level: float, n_frames: int) -> NDArray[np.float64]:
     """Root mean square, relative to a level, of each frame's window, (T,).
 
     The window ends half a frame after the frame's time.
@@ -141,7 +140,7 @@ def rhythm_from(song: Song, beat_times_s: NDArray[np.float64], start_s: float) -
 
     Before the song's start the first row is repeated.
     """
-    rhythm = frame_rhythm(song.sound, beat_times_s)
+    rhythm = frame_rhythm(song.samples, beat_times_s)
     first = seconds_to_frames(start_s, FRAME_RHYTHM_FPS)
     if first < 0:
         return np.concatenate([np.repeat(rhythm[:1], -first, axis=0), rhythm])
@@ -158,7 +157,7 @@ def word_spectra(
     inside = np.unique(np.clip(bounds_s, 0.0, song.duration_s))
     if len(inside) < 2:
         inside = np.array([0.0, song.duration_s])
-    rows = spectral_features(song.sound, inside, report=report)
+    rows = spectral_features(song.samples, inside, report=report)
     middles = (bounds_s[1:] + bounds_s[:-1]) / 2
     spectra: NDArray[np.float32] = rows[
         (np.searchsorted(inside, middles, side="right") - 1).clip(0, len(rows) - 1)

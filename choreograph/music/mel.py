@@ -13,8 +13,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, SEGMENT_S, seconds_to_frames
-from choreograph.music.samples import Samples, as_samples, peak_of
-from choreograph.music.song import SILENCE_PEAK
+from choreograph.music.song import SILENCE_PEAK, peak_of
 
 # Log-mel spectrogram at exactly 60 fps.
 #
@@ -30,7 +29,9 @@ _BLOCK_FRAMES = 2048
 _SPECTRA_AT_ONCE = 256  # which stay in the processor's cache
 
 
-def log_mel(samples: Samples, *, level: float = 1.0, report: StepReport | None = None) -> NDArray[np.float32]:
+def log_mel(
+    samples: NDArray[np.floating], *, level: float = 1.0, report: StepReport | None = None
+) -> NDArray[np.float32]:
     """Natural logarithm of mel power, Slaney's scale and area normalisation, Hann window.
 
     Parameters
@@ -62,7 +63,7 @@ def log_mel(samples: Samples, *, level: float = 1.0, report: StepReport | None =
 
 
 def windows_around(
-    samples: Samples, centres: NDArray[np.int64], size: int, level: float = 1.0
+    samples: NDArray[np.floating], centres: NDArray[np.int64], size: int, level: float = 1.0
 ) -> NDArray[np.float32]:
     """The `size` samples (T, W) around each of the increasing `centres` (T,), with silence outside the song.
 
@@ -76,7 +77,7 @@ def windows_around(
     return windows
 
 
-def silent_outside(samples: Samples, first: int, stop: int) -> NDArray[np.float32]:
+def silent_outside(samples: NDArray[np.floating], first: int, stop: int) -> NDArray[np.float32]:
     """Samples `first` … `stop` - 1 of a song, with silence before its first and after its last."""
     span = np.zeros(stop - first, np.float32)
     low, high = max(first, 0), min(stop, len(samples))
@@ -144,7 +145,7 @@ def scaled(samples: NDArray[np.float32], level: float) -> NDArray[np.float32]:
     return out
 
 
-def loudness(samples: Samples) -> float:
+def loudness(samples: NDArray[np.floating]) -> float:
     """Root mean square of samples (S,) outside pauses, or infinity for a silent song (peak below -80 dB).
 
     Silence before or after a song changes nothing. Raises `ParameterError` if `samples` is empty, not
@@ -168,8 +169,8 @@ def loudness(samples: Samples) -> float:
     return float(peak * np.sqrt(energy[is_sound].sum() / size[is_sound].sum()))
 
 
-def _checked_samples(samples: Samples) -> Samples:
-    samples = as_samples(samples)
+def _checked_samples(samples: NDArray[np.floating]) -> NDArray[np.float32]:
+    samples = np.asarray(samples, np.float32)
     if len(samples.shape) != 1 or len(samples) == 0:
         raise ParameterError(f"expected mono samples (S,), got an array of shape {samples.shape}")
     return samples

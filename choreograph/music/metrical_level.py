@@ -14,7 +14,6 @@ from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music._bar_weights import EIGHTHS_WEIGHTS
 from choreograph.music.bars import beat_evidence, track_bars
-from choreograph.music.samples import Samples
 
 # The instants at which the tempo or the metre of a song changes, as where other music begins.
 #
@@ -118,7 +117,9 @@ _SURELY_BETWEEN = 0.9  # of the counts 1
 DANCED_IN = {6: (6, 3)}  # metres of the takes that fit a bar: two bars of three fit a bar of six
 
 
-def metrical_levels(samples: Samples, log_mel: NDArray[np.floating], tracked: Counts) -> tuple[Counts, ...]:
+def metrical_levels(
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts
+) -> tuple[Counts, ...]:
     """A song's counts as tracked, then at a slower and at double tempo where that can be counted.
 
     At the slower level, a bar of four or six has two counts and a bar of three has one. These counts are
@@ -132,7 +133,7 @@ def metrical_levels(samples: Samples, log_mel: NDArray[np.floating], tracked: Co
     return (tracked, *(counts for counts in others if counts is not None))
 
 
-def _slower(samples: Samples, log_mel: NDArray[np.floating], tracked: Counts) -> Counts | None:
+def _slower(samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts) -> Counts | None:
     """The counts at the slower level, or None if they would be too slow or too few."""
     kept = _SLOWER.get(tracked.metre, ())
     if tempo_bpm(tracked) * len(kept) / tracked.metre < _SLOWEST_BPM:
@@ -159,7 +160,7 @@ def _twice_as_many(times_s: Floats) -> Floats:
     return np.stack([times_s, between_s], axis=1).ravel()
 
 
-def with_eighths(samples: Samples, log_mel: NDArray[np.floating], tracked: Counts) -> Counts:
+def with_eighths(samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts) -> Counts:
     """The counts of 6/8 and 7/8 on every eighth if they are tracked on every second one.
 
     A bar of 6/8 is tracked as three beats then, and two bars of 7/8 as seven. Whether the eighths are the
@@ -208,7 +209,7 @@ def _of_metres(metres: Iterable[int], by_metre: Mapping[int, Floats]) -> Floats:
 
 
 def level_at_tempo(
-    samples: Samples, log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
+    samples: NDArray[np.floating], log_mel: NDArray[np.floating], tracked: Counts, metre: int, bpm: float
 ) -> Counts:
     """A song's counts at the level nearest to a tempo in a metre. See `metrical_levels`."""
     levels = metrical_levels(samples, log_mel, tracked)

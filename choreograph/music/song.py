@@ -3,12 +3,15 @@
 RIFF, RF64, FLAC, Ogg and AIFF are decoded by soundfile. Other formats (mp3, m4a, opus, video with sound, and
 files that soundfile cannot read) are decoded by PyAV, whose FFmpeg prints no warnings about cut bit
 reservoirs in mp3. Both decode in blocks that are mixed down and resampled immediately, so a song takes 4
-bytes per sample.
+bytes per sample. Those of a song of more than ten minutes are in a temporary file, which is mapped to memory.
+The system reads it where it is used, and needs no memory for the rest.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import hashlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -22,14 +25,16 @@ from choreograph.core.arguments import as_number, as_texts, check_text, unexpect
 from choreograph.core.cache import NO_CACHE, DiskCache
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, check_regular, sha256_of
-from choreograph.core.numerics import default_numerics
+from choreograph.core.numerics import default_numerics, frame_blocks
 from choreograph.core.progress import one_line
+from choreograph.core.scratch import ScratchFile, scratch_file
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
-from choreograph.music.samples import Samples, concatenated, joined_samples, peak_of, sha256_of_samples
 
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _MAX_BYTES = 4 << 20  # of what is known of files of songs in the cache
+_MOST_IN_MEMORY = 600 * SAMPLE_RATE_HZ  # samples: 53 MB. More of a song are in a file
+_BLOCK_SAMPLES = 1 << 20
 _LONG_S = 3600.0
 _LONGEST_S = 3 * 3600.0
 _SHORTER_S = 0.1  # largest difference to the requested duration without a note
@@ -91,13 +96,14 @@ class Song:
 
     @cached_property
     def samples_sha256(self) -> bytes:
-        """A checksum of the samples."""
-        return sha256_of_samples(self.sound)
+        """A checksum of the samples, which takes half the time of `core.cache.digest`."""
+        checksum = hashlib.sha256()
+        for block in sample_blocks(self.samples):
+            checksum.update(np.ascontiguousarray(block).data)
+        return checksum.digest()
 
-    @property
-    def sound(self) -> Samples:
-        """The samples (S,), of which a long song's may be in a temporary file."""
-        return self.samples
+    def forget_samples(self) -> None:
+        """Free the memory of samples that can be decoded again."""
 
     def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
         """The part from `start_s` on, for `duration_s` or to the end. Raises as `load_song`."""
@@ -111,50 +117,37 @@ class Song:
             raise _past_the_end(start_s, self.path or self.name)
         of_whole = _notes(self.samples)
         notes = (*(note for note in self.notes if note not in of_whole), *_notes(samples))
-        return replace(self, samples=samples, notes=notes, start_s=self.start_s + start_s)
+        return Song(samples, self.name, self.path, notes, self.start_s + start_s)
 
 
-class KnownSong(Song):
-    """A song of a file of which all is known but the samples, which are decoded when they are used."""
+class _SongOfFile(Song):
+    """A song of a file, whose samples are decoded when they are used."""
 
     def __init__(
-        self, decode: Callable[[], Samples], path: Path, notes: tuple[str, ...], start_s: float,
-        n_samples: int, samples_sha256: bytes, decoded: Samples | None = None,
+        self, decode: Callable[[], Song], path: Path, notes: tuple[str, ...], start_s: float, length_s: float,
+        sha256: bytes,
     ) -> None:  # fmt: skip
-        """The song whose samples `decode` returns, or has returned before as `decoded`."""
-        self._decode: Callable[[], Samples]
-        self._decoded: Samples | None
-        self._n_samples: int
+        """The song that `decode` returns, of which the rest is known."""
+        self._decode: Callable[[], Song]
+        self._length_s: float
         vars(self).update(
-            name=path.stem, path=path, notes=notes, start_s=start_s, samples_sha256=samples_sha256,
-            _decode=decode, _decoded=decoded, _n_samples=n_samples,
+            name=path.stem, path=path, notes=notes, start_s=start_s, samples_sha256=sha256,
+            _decode=decode, _length_s=length_s,
         )  # fmt: skip
 
-    def __getattr__(self, name: str) -> Any:
-        if name != "samples":
-            raise AttributeError(name)
-        return self.sound[:]
-
-    @property
-    def sound(self) -> Samples:
-        """As `Song.sound`."""
-        if self._decoded is None:
-            vars(self)["_decoded"] = self._decode()
-        decoded: Samples = vars(self)["_decoded"]
-        return decoded
+    @cached_property
+    def samples(self) -> NDArray[np.float32]:
+        """As `Song.samples`."""
+        return self._decode().samples
 
     def forget_samples(self) -> None:
-        """Free the memory of the samples. They are decoded again if they are used again."""
-        vars(self)["_decoded"] = None
+        """As `Song.forget_samples`."""
+        vars(self).pop("samples", None)
 
     @property
     def duration_s(self) -> float:
         """Length in seconds."""
-        return self._n_samples / SAMPLE_RATE_HZ
-
-    def part(self, start_s: float = 0.0, duration_s: float | None = None) -> Song:
-        """As `Song.part`."""
-        return Song(self.samples, self.name, self.path, self.notes, self.start_s).part(start_s, duration_s)
+        return self._length_s
 
 
 def cached_song(path: str | Path, *, start_s: float, duration_s: float | None, keep: bool = True) -> Song:
@@ -164,18 +157,21 @@ def cached_song(path: str | Path, *, start_s: float, duration_s: float | None, k
     """
     path = as_path("a song", path)
     check_song_file(path)
-    decoded: Samples | None = None
+    decode = partial(as_song, "a song", path, start_s=start_s, duration_s=duration_s)
+    decoded: list[Song] = []
 
-    def about() -> tuple[tuple[str, ...], int, bytes]:
-        nonlocal decoded
-        decoded, notes = load_sound(path, start_s=start_s, duration_s=duration_s)
-        return notes, len(decoded), sha256_of_samples(decoded)
+    def about() -> tuple[tuple[str, ...], float, bytes]:
+        song = decode()
+        decoded.append(song)
+        return song.notes, song.duration_s, song.samples_sha256
 
     inputs = path.stem, sha256_of(path) if keep else "", start_s, duration_s
     cache = DiskCache.of_user("songs", _MAX_BYTES) if keep else NO_CACHE
-    notes, n_samples, sha256 = cache.value(about, *inputs)
-    decode = partial(load_sound, path, start_s=start_s, duration_s=duration_s)
-    return KnownSong(lambda: decode()[0], path, notes, start_s, n_samples, sha256, decoded)
+    notes, length_s, sha256 = cache.value(about, *inputs)
+    song = _SongOfFile(decode, path, notes, start_s, length_s, sha256)
+    if decoded:
+        vars(song)["samples"] = decoded[0].samples
+    return song
 
 
 def check_span(start_s: Any, duration_s: Any) -> None:
@@ -212,34 +208,18 @@ def load_song(path: str | Path, *, start_s: float = 0.0, duration_s: float | Non
     ('house', 8.0)
     """
     path = as_path("a song", path)
-    samples, notes = _sound(path, start_s, duration_s, lambda blocks: concatenated(list(blocks)))
-    return Song(samples[:], path.stem, path, notes, start_s)
-
-
-def load_sound(
-    path: Path, *, start_s: float = 0.0, duration_s: float | None = None
-) -> tuple[Samples, tuple[str, ...]]:
-    """`Song.sound` and `Song.notes` of `as_song` of a file. Raises as `load_song`."""
-    sound, notes = _sound(path, start_s, duration_s, joined_samples)
-    return sound, (*notes, *_notes_on_end(path.stem, len(sound) / SAMPLE_RATE_HZ, duration_s))
-
-
-def _sound(
-    path: Path, start_s: float, duration_s: float | None, joined: Callable[[Iterator[Any]], Samples]
-) -> tuple[Samples, tuple[str, ...]]:
-    """The samples of a file, joined from blocks, and notes on them."""
     check_span(start_s, duration_s)
     check_song_file(path)
-    samples, notes, levels = _decoded(path, start_s, duration_s, None, joined)
+    samples, notes, levels = _decoded(path, start_s, duration_s, None)
     if levels.cancel:
-        samples, notes, _ = _decoded(path, start_s, duration_s, levels.in_phase, joined)
+        samples, notes, _ = _decoded(path, start_s, duration_s, levels.in_phase)
     if len(samples) == 0:
         if start_s > 0:
             raise _past_the_end(start_s, path)
         raise FormatError(f"expected a song in {path}, got no sound at all: the file may be cut off")
     if levels.cancel:
         notes = (*notes, "the channels cancel each other: they are mixed with their phases aligned")
-    return samples, (*notes, *_notes(samples))
+    return Song(samples, path.stem, path, (*notes, *_notes(samples)), start_s)
 
 
 def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float | None = None) -> Song:
@@ -253,15 +233,10 @@ def as_song(what: str, song: object, *, start_s: float = 0.0, duration_s: float 
         loaded = load_song(song, start_s=start_s, duration_s=duration_s)
     else:
         raise unexpected(f"{what} as a path or a Song", song)
-    notes = _notes_on_end(loaded.name, loaded.duration_s, duration_s)
-    return replace(loaded, notes=(*loaded.notes, *notes)) if notes else loaded
-
-
-def _notes_on_end(name: str, loaded_s: float, duration_s: float | None) -> tuple[str, ...]:
-    """A note if a song ends before the duration that was requested."""
-    if duration_s is None or loaded_s > duration_s - _SHORTER_S:
-        return ()
-    return (f"{name}: {duration_s:g} s were requested, the song ends after {loaded_s:.2f} s",)
+    if duration_s is None or loaded.duration_s > duration_s - _SHORTER_S:
+        return loaded
+    note = f"{loaded.name}: {duration_s:g} s were requested, the song ends after {loaded.duration_s:.2f} s"
+    return replace(loaded, notes=(*loaded.notes, note))
 
 
 def _past_the_end(start_s: float, song: str | Path) -> ParameterError:
@@ -273,14 +248,13 @@ def _decoded(
     start_s: float,
     duration_s: float | None,
     weights: NDArray[np.float32] | None,
-    joined: Callable[[Iterator[Any]], Samples],
-) -> tuple[Samples, tuple[str, ...], _Levels]:
+) -> tuple[NDArray[np.float32], tuple[str, ...], _Levels]:
     """Samples at the program's rate, notes, and the levels of the channels, mixed by `weights` (C,)."""
     decoding = decode(path)
     levels = _Levels(decoding.n_channels)
     mono = _mono_span(levels.watched(decoding.blocks), decoding.rate_hz, start_s, duration_s, weights)
     bearable = _of_bearable_length(mono, path, decoding.rate_hz)
-    samples = joined(resampled(bearable, decoding.rate_hz))
+    samples = joined_samples(resampled(bearable, decoding.rate_hz))
     return samples, tuple(decoding.notes), levels
 
 
@@ -371,6 +345,49 @@ def resampled(blocks: Iterator[NDArray[np.float32]], rate_hz: float) -> Iterator
     yield stream.resample_chunk(np.zeros(0, np.float32), last=True)
 
 
+def joined_samples(blocks: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Blocks (S_b,) as one array, which is in a temporary file if it is long and there is room for it."""
+    parts: list[NDArray[np.float32]] = []
+    n_samples, file, has_room = 0, None, True
+    for block in blocks:
+        parts.append(block)
+        n_samples += len(block)
+        if n_samples > _MOST_IN_MEMORY and has_room:
+            file = file or scratch_file()
+            has_room = file is not None and _moved(parts, file)
+    if file is not None and file.n_bytes:
+        parts.insert(0, file.mapped(np.dtype(np.float32)))
+    if len(parts) == 1:
+        return parts[0]
+    samples = np.empty(sum(map(len, parts)), np.float32)
+    end = len(samples)
+    while parts:  # which is emptied, so that peak memory is one song and not two
+        part = parts.pop()
+        samples[end - len(part) : end] = part
+        end -= len(part)
+    return samples
+
+
+def _moved(parts: list[NDArray[np.float32]], file: ScratchFile) -> bool:
+    """Whether all parts had room in a file. Those that are written are removed from the list."""
+    with suppress(OSError):  # the disk is full
+        while parts:
+            file.append(parts[0])
+            parts.pop(0)
+    return not parts
+
+
+def peak_of(samples: NDArray[np.floating]) -> float:
+    """The largest magnitude of samples (S,), of which there is one or more. NaN if one is NaN."""
+    return float(np.max([max(block.max(), -block.min()) for block in sample_blocks(samples)]))
+
+
+def sample_blocks(samples: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Consecutive blocks (S_b,) of all samples, for which temporary arrays are small."""
+    for part in frame_blocks(len(samples), _BLOCK_SAMPLES):
+        yield samples[part]
+
+
 def at_half_rate(samples: NDArray[np.float32]) -> NDArray[np.float32]:
     """Samples (S,) at half their rate, ((S + 1) // 2,)."""
     n_samples = (len(samples) + 1) // 2
@@ -378,7 +395,7 @@ def at_half_rate(samples: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.pad(halved, (0, n_samples - len(halved)))
 
 
-def _notes(samples: Samples) -> tuple[str, ...]:
+def _notes(samples: NDArray[np.float32]) -> tuple[str, ...]:
     notes = []
     duration_s = len(samples) / SAMPLE_RATE_HZ
     if peak_of(samples) < SILENCE_PEAK:

@@ -14,7 +14,6 @@ from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, frame_times_s
 from choreograph.music.form import Form, Phrase, Sections
-from choreograph.music.samples import Samples
 
 # `SongFeatures`, the features of a song per second that the engines use for planning.
 
@@ -122,7 +121,7 @@ _PERCENTILES = 5, 95  # of the seconds with sound, between which the energy rise
 
 
 def energy_per_second(
-    samples: Samples, n_seconds: int, onsets: NDArray[np.floating] | None = None
+    samples: NDArray[np.floating], n_seconds: int, onsets: NDArray[np.floating] | None = None
 ) -> NDArray[np.float32]:
     """Energy (S,) of each second of a song, mono at 22.05 kHz, from 0 to 1.
 
@@ -182,7 +181,7 @@ _ATTACK_S = 0.06  # within which a sound at a count begins
 _AFTER_S, _BEFORE_S = 0.1, 0.05
 
 
-def stops_s(samples: Samples, counts: Counts) -> tuple[tuple[float, float], ...]:
+def stops_s(samples: NDArray[np.floating], counts: Counts) -> tuple[tuple[float, float], ...]:
     """The stops of a song, mono at 22.05 kHz: from when a dance rests, and until when it moves again.
 
     A stop is a silence of 0.8 s or more between sounds. Its end is the next count 1 on which the music has
@@ -206,7 +205,7 @@ def stops_s(samples: Samples, counts: Counts) -> tuple[tuple[float, float], ...]
     return tuple(found)
 
 
-def _silences_s(samples: Samples) -> list[tuple[float, float]]:
+def _silences_s(samples: NDArray[np.floating]) -> list[tuple[float, float]]:
     """The silences between sounds, in seconds."""
     size = SAMPLE_RATE_HZ // _LEVEL_FPS
     n_frames = len(samples) // size

@@ -48,7 +48,6 @@ from choreograph.music.constant_q import (
     tuning_of,
 )
 from choreograph.music.mel import hann_window, loudness, mel_filterbank, scaled, silent_outside
-from choreograph.music.samples import Samples, as_samples
 
 _COLUMNS = {
     "chroma": 12, "chroma_cqt": 12, "chroma_cens": 12, "mel_db": 26, "mfcc": 13, "centroid_hz": 1,
@@ -83,7 +82,7 @@ _CONTRAST_SHARE = 0.02  # of the bins of a band that are its loudest, or quietes
 
 
 def spectral_features(
-    samples: Samples,
+    samples: NDArray[np.floating],
     beat_times_s: NDArray[np.floating],
     *,
     cqt_frames: int = _CQT_WHOLE_FRAMES,
@@ -112,7 +111,7 @@ def spectral_features(
     ----------
     Rhythm is a Dancer, section 3.1.2 and Table 2 (a5 to a91).
     """
-    samples = as_samples(samples)
+    samples = np.asarray(samples, np.float32)
     level = loudness(samples)
     beats = checked_beat_times_s(beat_times_s, len(samples) / SAMPLE_RATE_HZ)
     if len(beats) < 2:
@@ -138,7 +137,7 @@ def spectral_features(
 
 
 def _tonal_frames(
-    samples: Samples, level: float, tuning: float, whole_frames: int, report: StepReport | None
+    samples: NDArray[np.floating], level: float, tuning: float, whole_frames: int, report: StepReport | None
 ) -> dict[str, NDArray[np.floating]]:
     """Features of the constant-Q transform, each (T, n) with T = 1 + S // 512."""
     n_frames = 1 + len(samples) // _HOP
@@ -162,7 +161,7 @@ def _tonal_frames(
     return {name: row.T for name, row in rows.items()}
 
 
-def _tones(samples: Samples, level: float, block: slice, tuning: float) -> NDArray[np.float32]:
+def _tones(samples: NDArray[np.floating], level: float, block: slice, tuning: float) -> NDArray[np.float32]:
     """Magnitudes of the constant-Q transform of a block of frames, (252, T_b), as in the whole song's.
 
     The samples around the block that the filters of the lowest octave reach are transformed with it.
@@ -172,7 +171,7 @@ def _tones(samples: Samples, level: float, block: slice, tuning: float) -> NDArr
     return tones[:, block.start - first // _HOP : block.stop - first // _HOP]
 
 
-def _span(samples: Samples, level: float, first: int, stop: int) -> NDArray[np.float32]:
+def _span(samples: NDArray[np.floating], level: float, first: int, stop: int) -> NDArray[np.float32]:
     """Samples `first` … `stop` - 1 relative to a level, with silence before and after the song."""
     return scaled(silent_outside(samples, first, stop), level)
 
@@ -249,7 +248,7 @@ def _zero_crossings(block: NDArray[np.float32]) -> NDArray[np.floating]:
     return share
 
 
-def _tuning(samples: Samples, level: float) -> float:
+def _tuning(samples: NDArray[np.floating], level: float) -> float:
     """Deviation of the song's A from 440 Hz in semitones, -0.5 to 0.5, or 0 if no pitch is found."""
     n_frames = 1 + max(0, len(samples) - _WINDOW) // _TUNING_HOP
     parts = []  # frequencies and magnitudes of all peaks

@@ -28,7 +28,7 @@ from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
-from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
+from choreograph.core.free_memory import LONG_S, memory_returned
 from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
@@ -41,7 +41,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.cameras import CameraMode, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
-from choreograph.music.song import KnownSong, Song, as_song, check_span
+from choreograph.music.song import Song, as_song, check_span
 from choreograph.pipeline.figures import danced_figures, figures_from
 from choreograph.pipeline.keeping import (
     ExistingDance,
@@ -315,7 +315,7 @@ def dance_with(
     style = None if config.style_song is None else as_song("a style song", config.style_song)
     kept = None if known is None else (known, keep)
     kernels = compiled_ahead("choreograph.music", type(engine).__module__.rpartition(".")[0])
-    with kernels, large_arrays_returned(loaded.duration_s):
+    with kernels, memory_returned(loaded.duration_s):
         return _danced(
             engine, loaded, repertoire, config, requested, costs, style, kept, report, memory, first
         )
@@ -365,9 +365,7 @@ def _danced(
     )  # fmt: skip
     if kept_of is not None and kept_of[0].plan is not None:
         check_same_song(kept_of[0].plan, song_features)
-    if isinstance(song, KnownSong):
-        song.forget_samples()  # of which an hour has 0.3 GB
-    return_memory(song_features.duration_s)
+    song.forget_samples()
     material = choose_material(song_features, repertoire, requested)
     resolved = resolve(requested, repertoire, material, song_features.duration_s)
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
@@ -386,7 +384,6 @@ def _danced(
     )  # fmt: skip
     if kept is None:
         result = engine.plan(request)
-        return_memory(song_features.duration_s)
         motion = result.motion
         if motion is None:
             if song_features.duration_s > LONG_S and not memory.is_on:
@@ -400,7 +397,6 @@ def _danced(
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)
     notes = (*notes, *moved_pins(result.plan, requested)) if kept is None else (*notes, *kept.notes)
     notes = (*notes, *result.notes, *left_out, *off_stage(motion, config.stage), *result.unmet)
-    return_memory(song_features.duration_s)
     return Dance(motion, result.plan, notes, song.path, result.unmet, danced_figures(result.plan, repertoire))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from choreograph.core.arguments import check_function, check_kind, unexpected
 from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.errors import ParameterError
-from choreograph.core.free_memory import return_memory
+from choreograph.core.free_memory import memory_returned
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
@@ -96,7 +96,8 @@ def render(
         raise unexpected("a Repertoire", repertoire, "`Repertoire.open` opens one")
     check_function("report", report)
     plan.check()
-    return render_planned(plan, repertoire, existing=existing, report=report)
+    with memory_returned(plan.duration_s):
+        return render_planned(plan, repertoire, existing=existing, report=report)
 
 
 def render_planned(
@@ -169,7 +170,6 @@ def render_from(
     if first is not None and near:
         first.show(*assembled(near), plan, with_dynamics)
     motion, joins = assembled(runs, part(report, 0, 70, _STEPS))
-    return_memory(plan.duration_s)
     if first is not None and not near:
         first.show(motion, joins, plan, with_dynamics)
     motion = with_dynamics(motion, joins, plan)
@@ -260,9 +260,7 @@ def with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
             contacts = _contacts(motion, joins, plan.opening_s, plan.closing_s)
             for frames in reversed(replaced):
                 frames.put_back(motion)
-            return_memory(plan.duration_s)
         scale_in_place(motion, plan.amplitudes)
-        return_memory(plan.duration_s)
     hold()
     if plan.lock_feet:
         lock_feet_in_place(motion, *_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts))

@@ -18,7 +18,7 @@ from choreograph.choreography import song_analysis
 from choreograph.choreography.graph import layer_source
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.music import song as song_module
-from choreograph.music.song import cached_song, load_sound
+from choreograph.music.song import cached_song, load_song
 from choreograph.nets.inference import WordEmbedder
 
 STARTER = cg.starter_repertoire()
@@ -82,9 +82,9 @@ def decoded(monkeypatch):
 
     def counted(*arguments, **keywords):
         calls.append(arguments)
-        return load_sound(*arguments, **keywords)
+        return load_song(*arguments, **keywords)
 
-    monkeypatch.setattr(song_module, "load_sound", counted)
+    monkeypatch.setattr(song_module, "load_song", counted)
     return calls
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from choreograph.core import free_memory
-from choreograph.core.free_memory import LONG_S, large_arrays_returned, return_memory
+from choreograph.core.free_memory import LONG_S, memory_returned
 
 PIECE_BYTES = 1 << 12
 
@@ -24,17 +25,18 @@ def test_gaps_between_small_pieces_are_returned():
     kept = pieces[::50]
     del pieces
     before = resident_bytes()
-    return_memory(LONG_S)
+    with memory_returned(LONG_S):
+        pass
     assert before - resident_bytes() < 1e6
-    return_memory(LONG_S + 1)
+    with memory_returned(LONG_S + 1):
+        pass
     assert before - resident_bytes() > 40e6
     assert len(kept) == 400
 
 
 def test_another_c_library_is_left_as_it_is(monkeypatch):
     monkeypatch.setattr("ctypes.CDLL", lambda name: object())
-    return_memory(2 * LONG_S)
-    with large_arrays_returned(2 * LONG_S):
+    with memory_returned(2 * LONG_S):
         pass
 
 
@@ -42,11 +44,13 @@ def test_another_c_library_is_left_as_it_is(monkeypatch):
 def test_parameters_are_set_within_a_long_song_alone(monkeypatch):
     set_to = []
     monkeypatch.setattr(free_memory, "_set", set_to.append)
-    with large_arrays_returned(LONG_S):
-        pass
+    n_threads = threading.active_count()
+    with memory_returned(LONG_S):
+        assert threading.active_count() == n_threads
     assert set_to == []
-    with suppress(KeyError), large_arrays_returned(LONG_S + 1):
+    with suppress(KeyError), memory_returned(LONG_S + 1):
         assert len(set_to) == 1
         raise KeyError
     assert len(set_to) == 2 and set_to[0].keys() == set_to[1].keys()
     assert all(set_to[0][name] < set_to[1][name] for name in set_to[0])
+    assert threading.active_count() == n_threads

@@ -16,7 +16,6 @@ from choreograph.choreography.graph.layers import ARRAYS, Layer, changed_layer, 
 from choreograph.choreography.graph.local_search import CheapNodes, is_compiled
 from choreograph.choreography.graph.path_costs import last_pose
 from choreograph.choreography.graph.segments import LayerSource
-from choreograph.core.free_memory import return_memory
 from choreograph.core.scratch import StoredArrays
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
@@ -92,12 +91,10 @@ class CheapSoFar:
         path = np.array([self._include(second, key) for second, key in enumerate(keys)])
         if likely is not None:
             likely(self._path(path))
-        return_memory(self._source.n_seconds)
         cheap = CheapNodes.of(self._nodes, self._costs, self._song_features, self._edge_cost)
         found = cheap.improved(path)
         del cheap
         self._edge_cost.clear()  # which are large, before the nodes of the path are made
-        return_memory(self._source.n_seconds)
         return self._path(found)
 
     def _path(self, found: NDArray[np.int64]) -> list[Layer]:

@@ -19,13 +19,10 @@ from choreograph.choreography.graph.layers import Layer
 from choreograph.choreography.graph.local_search import with_history
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
-from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import AnyInts
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
-
-_RETURN_S = 64  # of a long song, after which free memory is returned
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +111,6 @@ def _search(
             layer = with_history(following, layer, parent)
             node_keys.append(_node_keys(layer))
             parents.append(parent.astype(np.int32))
-            if second % _RETURN_S == 0:
-                return_memory(source.n_seconds)
             if report is not None:
                 report(second + 1, source.n_seconds)
     keys = _backtrack(parents, node_keys, int(np.argmin(reached)))

@@ -15,7 +15,6 @@ from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.choreography.song_analysis import analyses_cache
 from choreograph.core.errors import ParameterError
-from choreograph.core.free_memory import return_memory
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
@@ -86,7 +85,7 @@ def _repeated_spectra(song: Song, n_words: int, beats: str | Path) -> NDArray[np
     `beats` is the dance's setting. A file belongs to the song of the dance, so this song is tracked instead.
     """
     tracker = beats if names_a_tracker(beats) else DEFAULT_BEATS
-    tracked_s = song_counts(song, log_mel(song.sound), tracker).times_s
+    tracked_s = song_counts(song, log_mel(song.samples), tracker).times_s
     spectra = word_spectra(song, dance_bounds_s(tracked_s, song.duration_s))
     return spectra[np.arange(n_words) % len(spectra)]
 
@@ -167,9 +166,7 @@ def generate_motion(
     poses, contacts = generate_poses(net, sequence, seed_motion, held=held, report=report)
     motion = _on_stage(poses, sequence, seed_motion.skeleton, to_front=to_front, stage=stage)
     del poses
-    return_memory(motion.duration_s)
     motion, contacts = _at_rate(motion, contacts, fps, sequence.end_s[-1])
-    return_memory(motion.duration_s)
     contacts = contacts.repeat(2, axis=1) * contacts_of(motion)  # (T, 4)
     lock_feet_in_place(motion, np.sqrt(contacts), shift_s=SHIFT_S)
     lock_feet_in_place(motion)  # after the first pass, more feet nearly stand

@@ -1,4 +1,4 @@
-"""Laws of samples in a temporary file: all that is found in them is that of arrays, to the bit."""
+"""Samples of long songs are in a temporary file: all that is found in them is the same, to the bit."""
 
 from __future__ import annotations
 
@@ -12,18 +12,11 @@ import choreograph as cg
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.scratch import ScratchFile
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music import samples as samples_module
+from choreograph.music import song as song_module
 from choreograph.music.bars import beat_evidence, track_bars
 from choreograph.music.frame_rhythm import frame_rhythm
 from choreograph.music.mel import log_mel, loudness
-from choreograph.music.samples import (
-    StoredSamples,
-    as_samples,
-    joined_samples,
-    peak_of,
-    sha256_of_samples,
-)
-from choreograph.music.song import KnownSong, load_sound
+from choreograph.music.song import as_song, cached_song, joined_samples, peak_of
 from choreograph.music.song_features import energy_per_second, stops_s
 from choreograph.music.spectral import spectral_features
 
@@ -36,8 +29,15 @@ BEATS_S = np.arange(0.31, 22.0, 0.49)
 
 @pytest.fixture(autouse=True)
 def little_memory(monkeypatch):
-    monkeypatch.setattr(samples_module, "_MOST_IN_MEMORY", 10_000)
-    monkeypatch.setattr(samples_module, "_BLOCK_SAMPLES", 4_099)
+    monkeypatch.setattr(song_module, "_MOST_IN_MEMORY", 10_000)
+    monkeypatch.setattr(song_module, "_BLOCK_SAMPLES", 4_099)
+
+
+def is_stored(samples):
+    """Whether samples are in a file."""
+    while samples is not None and not isinstance(samples, np.memmap):
+        samples = samples.base
+    return samples is not None
 
 
 def stored(samples=SONG, size=30_011):
@@ -47,21 +47,22 @@ def stored(samples=SONG, size=30_011):
 @pytest.mark.parametrize("size", [997, 10_000, 30_011, len(SONG)])
 def test_long_samples_are_in_a_file_and_the_same(size):
     found = stored(size=size)
-    assert isinstance(found, StoredSamples) and found.shape == SONG.shape and as_samples(found) is found
+    assert is_stored(found) and type(found) is np.ndarray and found.dtype == np.float32
     parts = (slice(None), slice(5, 5), slice(3, 40_001), slice(-9, None), slice(len(SONG), len(SONG) + 9))
     assert all(np.array_equal(found[part], SONG[part]) for part in (*parts, slice(1, 99, 7)))
     assert peak_of(found) == np.abs(SONG).max()
-    assert sha256_of_samples(found) == sha256_of_samples(SONG) == hashlib.sha256(SONG.tobytes()).digest()
+    sha256 = hashlib.sha256(SONG.tobytes()).digest()
+    assert cg.Song(found, "found").samples_sha256 == cg.Song(SONG, "song").samples_sha256 == sha256
 
 
-def test_short_samples_are_an_array():
+def test_short_samples_are_in_memory():
     found = joined_samples(iter([SONG[:4000], SONG[4000:9000]]))
-    assert isinstance(found, np.ndarray) and np.array_equal(found, SONG[:9000])
+    assert not is_stored(found) and np.array_equal(found, SONG[:9000])
     assert len(joined_samples(iter([]))) == 0
 
 
 @pytest.mark.parametrize("n_written", [0, 1, 3])
-def test_samples_without_room_on_disk_are_an_array(n_written, monkeypatch):
+def test_samples_without_room_on_disk_are_in_memory(n_written, monkeypatch):
     append, calls = ScratchFile.append, []
 
     def full(self, array):
@@ -72,7 +73,7 @@ def test_samples_without_room_on_disk_are_an_array(n_written, monkeypatch):
 
     monkeypatch.setattr(ScratchFile, "append", full)
     found = stored()
-    assert isinstance(found, np.ndarray) and np.array_equal(found, SONG)
+    assert not is_stored(found) and np.array_equal(found, SONG)
     assert len(calls) == n_written + 1  # it is not tried for every block
 
 
@@ -118,27 +119,33 @@ def test_the_level_of_log_mel_is_that_of_scaled_samples():
     ],
 )
 @pytest.mark.parametrize("part", [(0.0, None), (1.25, 3.0), (2.0, 60.0)])
-def test_songs_of_files_are_the_same_in_any_format(name, rate_hz, n_channels, part, tmp_path):
+def test_songs_of_files_are_the_same_in_any_format(name, rate_hz, n_channels, part, tmp_path, monkeypatch):
     path, (start_s, duration_s) = tmp_path / name, part
     noise = np.random.default_rng(0).uniform(-0.5, 0.5, round(7.1 * rate_hz))
     sound = np.stack([noise] * n_channels, axis=1)
     sound *= np.linspace(0.5, 1.0, n_channels)
     soundfile.write(path, sound, rate_hz)
+    found = as_song("a song", path, start_s=start_s, duration_s=duration_s)
+    monkeypatch.setattr(song_module, "_MOST_IN_MEMORY", 1 << 30)
     whole = cg.load_song(path, start_s=start_s, duration_s=duration_s)
-    found, notes = load_sound(path, start_s=start_s, duration_s=duration_s)
-    assert isinstance(found, StoredSamples) and np.array_equal(found[:], whole.samples)
-    assert isinstance(whole.samples, np.ndarray)
-    assert len(notes) - len(whole.notes) == (duration_s == 60.0)
+    assert is_stored(found.samples) and not is_stored(whole.samples)
+    assert np.array_equal(found.samples, whole.samples)
+    assert len(found.notes) - len(whole.notes) == (duration_s == 60.0)
 
 
 def test_channels_that_cancel_are_decoded_again(tmp_path):
     tone = 0.5 * np.sin(np.arange(60_000) / 9)
     soundfile.write(tmp_path / "a.wav", np.stack([tone, -tone], axis=1), 22050, subtype="FLOAT")
-    found, notes = load_sound(tmp_path / "a.wav")
-    assert np.abs(found[:]).max() > 0.4 and "cancel" in notes[0]
+    found = cg.load_song(tmp_path / "a.wav")
+    assert np.abs(found.samples).max() > 0.4 and "cancel" in found.notes[0]
 
 
-def test_a_known_song_reads_its_samples_from_a_file():
-    song = KnownSong(stored, cg.example_songs()["house"], (), 0.0, len(SONG), sha256_of_samples(SONG))
-    assert isinstance(song.sound, StoredSamples) and np.array_equal(song.samples, SONG)
-    assert np.array_equal(song.part(1.0, 2.0).samples, SONG[22050 : 3 * 22050])
+def test_samples_that_were_forgotten_are_decoded_again(tmp_path):
+    soundfile.write(tmp_path / "a.wav", SONG, 22050, subtype="FLOAT")
+    song = cached_song(tmp_path / "a.wav", start_s=0.0, duration_s=None, keep=False)
+    first = song.samples
+    song.forget_samples()
+    assert song.duration_s == len(SONG) / 22050 and song.samples is not first
+    assert is_stored(song.samples) and np.array_equal(song.samples, SONG)
+    part = song.part(1.0, 2.0)
+    assert np.array_equal(part.samples, SONG[22050 : 3 * 22050]) and part.start_s == 1.0
