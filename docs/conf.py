@@ -113,10 +113,11 @@ def _draw(app) -> None:
 
     folder = Path(app.srcdir) / "_figures"
     draw_all(folder)
-    (folder / "costs.md").write_text(_table_of_costs(), encoding="utf-8")
+    (folder / "costs.md").write_text(table_of_costs(), encoding="utf-8")
+    (folder / "metrics.rst").write_text(page_of_metrics(), encoding="utf-8")
 
 
-def _table_of_costs() -> str:
+def table_of_costs() -> str:
     """A row for each built-in cost, of what its class declares."""
     from choreograph.choreography.graph.costs import BUILTIN_COSTS
 
@@ -125,6 +126,23 @@ def _table_of_costs() -> str:
         f"| `{one.name}` | {one.default_weight:g} | {one.unit} | {one.sentence} |" for one in BUILTIN_COSTS
     ]
     return "\n".join(rows) + "\n"
+
+
+def page_of_metrics() -> str:
+    """The sections and modules of metrics, in the order of their stub."""
+    from choreograph.evaluation import metrics
+
+    text = ""
+    for line in Path(metrics.__file__).with_suffix(".pyi").read_text(encoding="utf-8").splitlines()[1:]:
+        if line.startswith("# "):
+            heading = line.removeprefix("# ")
+            text += f"{heading}\n{'-' * len(heading)}\n\n"
+        elif line:
+            name = line.rpartition(" ")[2]
+            title = f"metrics.{name}"
+            text += f"{title}\n{'^' * len(title)}\n\n"
+            text += f".. automodule:: {metrics.__name__}.{name}\n   :members:\n\n"
+    return text
 
 
 def setup(app) -> None:

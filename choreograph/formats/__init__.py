@@ -40,6 +40,7 @@ class OutputFormat:
     uses: tuple[str, ...] = ()  # options of `Dance.save`, and fps
     alone: tuple[str, ...] = ()  # those of them that it uses for one dancer, and not for a scene of several
     together: bool = False  # whether one file holds all dancers of a scene
+    saved_by: str = ""  # "module:function" of an output that is no motion, (parts, path, report) -> None
 
 
 _MOTION, _BODY = "motion", "a body that moves"
@@ -68,12 +69,14 @@ BUILTIN: dict[str, tuple[OutputFormat, ...]] = {
     "fbx": (OutputFormat("fbx", _BODY, (*_OF_MOTION, "character"), together=True),),  # with Blender
     "folder": (),  # a folder of motion files with songs
 }
-# What shows a dance or describes it. `pipeline.saving` writes these.
+# What shows a dance or describes it, and the function that writes it from `pipeline.saving.SavedParts`.
+_SAVE = "choreograph.pipeline.saving:save"
+_FILMED = ("fps", "character", "camera")
 SHOWN = (
-    OutputFormat("html", "a page to watch", ("fps", "character", "camera"), ("character",), together=True),
-    OutputFormat("mp4", "a video", ("click", "camera"), together=True),
-    OutputFormat("png", "poses on the beats", together=True),
-    OutputFormat("json", "the plan", ("fps",), together=True),
+    OutputFormat("html", "a page to watch", _FILMED, ("character",), True, f"{_SAVE}_page"),
+    OutputFormat("mp4", "a video", ("click", "camera"), (), True, f"{_SAVE}_video"),
+    OutputFormat("png", "poses on the beats", (), (), True, f"{_SAVE}_strip"),
+    OutputFormat("json", "the plan", ("fps",), (), True, f"{_SAVE}_plan"),
 )
 
 

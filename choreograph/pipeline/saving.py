@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,7 @@ def save_dance(path: str | Path, parts: SavedParts, report: ProgressReport | Non
         if sound is not None:
             _save_sound(parts, sound)
     else:
-        _SAVERS[suffix](parts, Path(path), report)
+        resolve_name(output_formats()[suffix].saved_by)(parts, Path(path), report)
 
 
 def sound_beside(path: str | Path, inputs: Sequence[Path]) -> Path:
@@ -219,12 +220,14 @@ def format_of(path: str | Path) -> str:
     return Path(path).suffix.lower().removeprefix(".")
 
 
-def _save_plan(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+def save_plan(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+    """Write the plan as JSON."""
     with atomic_path(path) as temporary:
         temporary.write_text(parts.plan.to_json(), encoding="utf-8")
 
 
-def _save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+def save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+    """Write the page to watch."""
     from choreograph.view.page import write_page
 
     if report is not None:
@@ -244,7 +247,8 @@ def _in_page(character: GltfCharacter, parts: SavedParts) -> PageCharacter:
     return PageCharacter(character.dancing(parts.motion, figures=parts.figures), nodes)
 
 
-def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+def save_video(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+    """Write the video."""
     from choreograph.view.sound import Clicks
     from choreograph.view.video import write_video
 
@@ -262,7 +266,8 @@ def _save_video(parts: SavedParts, path: Path, report: ProgressReport | None) ->
     )
 
 
-def _save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+def save_strip(parts: SavedParts, path: Path, report: ProgressReport | None) -> None:
+    """Write the poses on the beats as a picture."""
     from choreograph.view.strip import write_strip
 
     plan, duration_s = parts.plan, parts.motion.duration_s
@@ -295,9 +300,3 @@ def _labels(plan: Plan) -> list[str]:
         return [f"beat {index + 1} · {time:.1f} s" for index, time in enumerate(plan.music_beats_s)]
     counts = zip(plan.music_beats_s, bars_of(plan.music_beat_numbers), plan.music_beat_numbers, strict=True)
     return [f"{time:.2f} s   bar {bar} · {number}" for time, bar, number in counts]
-
-
-# By the names of `formats.SHOWN`.
-_SAVERS: dict[str, Callable[[SavedParts, Path, ProgressReport | None], None]] = {
-    "json": _save_plan, "html": _save_page, "mp4": _save_video, "png": _save_strip,
-}  # fmt: skip
