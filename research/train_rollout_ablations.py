@@ -30,7 +30,8 @@ import torch
 import choreograph as cg
 from choreograph.formats.register import import_takes
 from choreograph.library.building.networks import rollout_takes, words_of_dances
-from choreograph.library.building.takes import measure_take, segment_takes
+from choreograph.library.building.takes import measure_take
+from choreograph.library.building.words import segment_takes
 from choreograph.library.songs import SongCache
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.motion import Take

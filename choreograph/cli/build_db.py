@@ -358,7 +358,11 @@ def get(
     from choreograph.formats.data_sets import TABLE, data_set, data_sets
 
     if name is None:
-        _list(list(data_sets(table or TABLE).values()))
+        known = list(data_sets(table or TABLE).values())
+        width = max(len(one.name) for one in known)
+        for one in known:
+            how = "" if one.files else " (by hand)"
+            say(f"{one.name:<{width}}  {one.about}. {one.licence}{how}")
         return
     chosen = data_set(name, table or TABLE)
     folder = output or Path(chosen.name)
@@ -372,13 +376,6 @@ def get(
             f"{folder}: expected {chosen.layout} in it, got none: the owners ask for a download by hand"
         )
     _build_from(folder / chosen.build, build, quiet=quiet)
-
-
-def _list(known: list[DataSet]) -> None:
-    width = max(len(one.name) for one in known)
-    for one in known:
-        how = "" if one.files else " (by hand)"
-        say(f"{one.name:<{width}}  {one.about}. {one.licence}{how}")
 
 
 def _show_terms(chosen: DataSet) -> None:

@@ -5,7 +5,6 @@ The first two write motions to other formats and characters. The last prints tem
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from choreograph.cli.declared import Command, Input, Output, argument, option, unused_options, whole
-from choreograph.cli.present import examples, say, show_notes, stages
+from choreograph.cli.present import examples, say, show, show_notes, stages
 from choreograph.core.arguments import unexpected
 from choreograph.core.counts import ANNOTATED, DATA_SET, FROM_MOTION, FROM_MUSIC
 from choreograph.core.errors import ParameterError
@@ -298,13 +297,10 @@ def count(file: Path, output: Path | None, as_json: bool, beats: str | None) -> 
         counted = count_file(file, beats=beats or DEFAULT_BEATS)
     if output is not None:
         save_counts(output, counted)
-    if as_json:
-        click.echo(json.dumps(counted.facts(), indent=1))
-        return
-    for line in _text(counted):
-        say(line)
+    lines = _text(counted)
     if output is not None:
-        say(f"{output}: {number_of(len(counted.counts), 'count')}")
+        lines.append(f"{output}: {number_of(len(counted.counts), 'count')}")
+    show(counted.facts(), lines, as_json=as_json)
 
 
 def _text(counted: CountedFile) -> list[str]:

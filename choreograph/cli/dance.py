@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import chdir, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -102,7 +102,7 @@ def command(
     with nullcontext(StageLines()) if with_lines else stages(quiet=files.quiet) as shown:
         results = run_jobs(
             jobs, dances, shown, workers=1 if workers is None else workers, dask=dask or "",
-            shared=_shared(read, jobs),
+            shared=[path for path in read if path not in {job.song for job in jobs}],
         )  # fmt: skip
     if any(result.dances for result in results):
         write_map(files.save_map, dances.character())
@@ -110,12 +110,6 @@ def command(
     if files.opened:
         page = next(path for path in first if path.suffix.lower() == ".html")
         click.launch(page.resolve().as_uri())
-
-
-def _shared(read: Sequence[Path], jobs: Sequence[DanceJob]) -> list[Path]:
-    """The files that are read for more than one song."""
-    songs = {job.song for job in jobs}
-    return [path for path in read if path not in songs]
 
 
 def _checked_sounds(target: str | None, jobs: Sequence[DanceJob], read: Sequence[Path]) -> list[Path]:
@@ -293,8 +287,9 @@ def run_jobs(
         if cluster is not None:
             shown.report(f"connected, {cluster.dashboard}", 0, 0)
         is_alone = cluster is None and workers == 1
+        make = partial(dances.attempted, report=shown.report) if is_alone else dances.attempted
         found = (
-            _here(jobs, dances, shown, is_alone)
+            each(make, jobs, killed=_killed, fewest=_FEWEST)
             if cluster is None
             else _elsewhere(jobs, dances, cluster, shared)
         )
@@ -303,16 +298,6 @@ def run_jobs(
             following = jobs[len(results)].song.name if len(results) < len(jobs) else ""
             shown.report("songs", len(results), len(jobs), following)
     return results
-
-
-def _here(
-    jobs: Sequence[DanceJob], dances: SongDances, shown: Stages | StageLines, is_alone: bool
-) -> Iterator[Result]:
-    """The results of this process, or of several on this machine."""
-    make: Callable[[DanceJob], Result] = (
-        partial(dances.attempted, report=shown.report) if is_alone else dances.attempted
-    )
-    return each(make, jobs, killed=_killed, fewest=_FEWEST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -523,7 +508,11 @@ def present(
         show_notes(notes)
         many_songs = len(results) > 1
         show_notes(dict.fromkeys(note for result in results for note in _notes(result, named=many_songs)))
-        show_notes(note for dance, _ in made for note in _loop_notes(dance))
+        for dance, _ in made:
+            if dance.loop is not None:
+                bars = counted(dance.loop[0], "bar")
+                span = f"{dance.loop[1]:.2f} to {dance.loop[2]:.2f} s of the dance"
+                show_notes([f"{dance.plan.song}: motion files loop, {bars} from {span}"])
         if many_songs:
             _show_table(results)
         else:
@@ -564,15 +553,6 @@ def _show_table(results: Sequence[Result]) -> None:
             numbers = f"{plan.duration_s:.1f}", str(len(plan.takes_s())), str(len(plan.music_beats_s))
             table.add_row(song, printable(", ".join(map(str, paths))), *numbers)
     table_console().print(table)
-
-
-def _loop_notes(dance: Danced) -> Iterator[str]:
-    if dance.loop is not None:
-        n_bars, start_s, end_s = dance.loop
-        yield (
-            f"{dance.plan.song}: motion files loop, {counted(n_bars, 'bar')} from {start_s:.2f} to "
-            f"{end_s:.2f} s of the dance"
-        )
 
 
 def _summary(plan: Plan, outputs: Outputs) -> str:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from choreograph.cli.declared import Changed, Command, Input, Output, argument, option, whole
-from choreograph.cli.present import examples, say, show_notes, stages
+from choreograph.cli.present import examples, say, show, show_notes, stages
 from choreograph.core.arguments import unexpected
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_target, free_names, sha256_of
@@ -126,26 +126,19 @@ def command(
     if with_notes:
         _show_build_notes(repertoire, take, as_json=as_json)
         return
-    if with_check or with_lint or with_movement or songs:
-        if with_check:
-            show_check(repertoire, as_json=as_json)
-        elif with_lint:
-            show_lint(repertoire, as_json=as_json)
-        elif with_movement:
-            show_movement(repertoire, as_json=as_json)
-        else:
-            show_coverage(repertoire, songs, picture=output, as_json=as_json)
+    if with_check or with_lint or with_movement:
+        shown = show_check if with_check else show_lint if with_lint else show_movement
+        shown(repertoire, as_json=as_json)
+        return
+    if songs:
+        show_coverage(repertoire, songs, picture=output, as_json=as_json)
         return
     facts = _facts(repertoire)
     if plots is not None:
         from choreograph.view.motif_plots import write_motif_plots
 
         facts["plots"] = [str(path) for path in write_motif_plots(plots, repertoire)]
-    if as_json:
-        click.echo(json.dumps(facts, indent=1))
-        return
-    for line in _text(facts):
-        say(line)
+    show(facts, _text(facts), as_json=as_json)
 
 
 def _check_suffix(output: Path, asked: Mapping[str, object]) -> None:
@@ -161,11 +154,8 @@ def _show_build_notes(repertoire: Repertoire, take: str | None, *, as_json: bool
     if take is not None:
         repertoire.take_index(take)
     notes = [note for note in repertoire.notes if take is None or note.subject == take]
-    if as_json:
-        click.echo(json.dumps([asdict(note) | {"text": note.text} for note in notes], indent=1))
-        return
-    for line in [str(note) for note in notes] or ["no notes"]:
-        say(line)
+    facts = [asdict(note) | {"text": note.text} for note in notes]
+    show(facts, [str(note) for note in notes] or ["no notes"], as_json=as_json)
 
 
 def _facts(repertoire: Repertoire) -> dict[str, Any]:
@@ -307,27 +297,24 @@ def songs(folder: Path | None, name: str | None, as_json: bool) -> None:
         return
     if folder is not None:
         paths = {song: _copied(path, folder / path.name) for song, path in paths.items()}
-    if as_json:
-        click.echo(json.dumps({song: str(path) for song, path in paths.items()}, indent=1))
-        return
     width = max(map(len, paths), default=0)
-    for song, path in paths.items():
-        say(f"{song:<{width}}  {path}")
+    lines = (f"{song:<{width}}  {path}" for song, path in paths.items())
+    show({song: str(path) for song, path in paths.items()}, lines, as_json=as_json)
 
 
 def _copied(song: Path, target: Path) -> Path:
     """The copy of a song, under another name than `target` if that is another file."""
-    [path] = free_names([target], lambda at: os.path.lexists(at) and not _is_copy(at, song))
+
+    def is_other(at: Path) -> bool:
+        return os.path.lexists(at) and not (at.is_file() and sha256_of(at) == sha256_of(song))
+
+    [path] = free_names([target], is_other)
     if path != target:
         show_notes([f"{target} is another file and is kept: the song is copied to {path}"])
     if not path.exists():
         with atomic_path(path) as temporary:
             shutil.copyfile(song, temporary)
     return path
-
-
-def _is_copy(path: Path, song: Path) -> bool:
-    return path.is_file() and sha256_of(path) == sha256_of(song)
 
 
 @click.command(
@@ -396,13 +383,10 @@ def show_check(repertoire: Repertoire, *, as_json: bool) -> None:
     with stages(quiet=as_json) as shown:
         repertoire.verify(partial(shown.report, "checking"))
     n_bytes = sum(path.stat().st_size for path in repertoire.paths)
-    if as_json:
-        click.echo(
-            json.dumps({"path": str(repertoire.path), "is_intact": True, "n_bytes": n_bytes}, indent=1)
-        )
-        return
     takes, clips = counted(len(repertoire.takes), "take"), counted(repertoire.n_clips, "clip")
-    say(f"{repertoire.path.name}: {takes}, {clips}, {n_bytes / 1e6:,.1f} MB, and every checksum is right")
+    line = f"{repertoire.path.name}: {takes}, {clips}, {n_bytes / 1e6:,.1f} MB, and every checksum is right"
+    facts = {"path": str(repertoire.path), "is_intact": True, "n_bytes": n_bytes}
+    show(facts, [line], as_json=as_json)
 
 
 def show_lint(repertoire: Repertoire, *, as_json: bool) -> None:
@@ -411,17 +395,12 @@ def show_lint(repertoire: Repertoire, *, as_json: bool) -> None:
 
     with stages(quiet=as_json) as shown:
         findings = lint(repertoire, report=shown.report)
-    if as_json:
-        click.echo(json.dumps([asdict(finding) for finding in findings], indent=1))
-        return
+    lines = [] if findings else [f"{repertoire.path.name}: nothing was found"]
     for kind in KINDS:
         of_kind = [finding for finding in findings if finding.kind == kind]
-        if of_kind:
-            say(f"{kind}: {counted(len(of_kind), 'finding')}")
-        for finding in of_kind:
-            say(f"  {finding}")
-    if not findings:
-        say(f"{repertoire.path.name}: nothing was found")
+        lines += [f"{kind}: {counted(len(of_kind), 'finding')}"] if of_kind else []
+        lines += [f"  {finding}" for finding in of_kind]
+    show([asdict(finding) for finding in findings], lines, as_json=as_json)
 
 
 def show_movement(repertoire: Repertoire, *, as_json: bool) -> None:
@@ -429,11 +408,8 @@ def show_movement(repertoire: Repertoire, *, as_json: bool) -> None:
     from choreograph.evaluation.movement import movement, movement_table
 
     cells = movement(repertoire)
-    if as_json:
-        click.echo(json.dumps([asdict(cell) | {"inside": cell.is_inside} for cell in cells], indent=1))
-        return
-    for line in movement_table(cells):
-        say(line)
+    facts = [asdict(cell) | {"inside": cell.is_inside} for cell in cells]
+    show(facts, movement_table(cells), as_json=as_json)
 
 
 def show_coverage(
@@ -448,15 +424,11 @@ def show_coverage(
     songs = [song for path in given for song in _songs_at(path)]
     with stages(quiet=as_json) as shown:
         found = coverage(repertoire, songs, report=shown.report)
+    lines = list(coverage_table(found))
     if picture is not None:
         write_coverage_figure(picture, found)
-    if as_json:
-        click.echo(json.dumps(_as_json(found), indent=1))
-        return
-    for line in coverage_table(found):
-        say(line)
-    if picture is not None:
-        say(f"{picture}: tempi of songs and takes")
+        lines.append(f"{picture}: tempi of songs and takes")
+    show(_as_json(found), lines, as_json=as_json)
 
 
 def _songs_at(path: Path) -> list[Path]:

@@ -61,7 +61,12 @@ def _printable_lines(text: str) -> str:
 def _write_log(text: str) -> Path | None:
     """The new file in the user's folder of logs, else in the temporary one, or None if both fail."""
     name = f"choreograph-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}.log"
-    for folder in _log_folders():
+    from platformdirs import user_log_path
+
+    folders = [user_log_path("choreograph", appauthor=False)]
+    with suppress(FileNotFoundError):  # there is no writable temporary folder
+        folders.append(Path(tempfile.gettempdir()))
+    for folder in filter(Path.is_absolute, folders):
         try:
             folder.mkdir(parents=True, exist_ok=True)
             path = folder / name
@@ -71,15 +76,6 @@ def _write_log(text: str) -> Path | None:
             continue
         return path
     return None
-
-
-def _log_folders() -> list[Path]:
-    from platformdirs import user_log_path
-
-    folders = [user_log_path("choreograph", appauthor=False)]
-    with suppress(FileNotFoundError):  # there is no writable temporary folder
-        folders.append(Path(tempfile.gettempdir()))
-    return [folder for folder in folders if folder.is_absolute()]
 
 
 # `choreograph`, the group of commands, and the output of errors.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -52,6 +53,15 @@ def _ends(text: str, longest: int) -> str:
 def say(text: str, *, err: bool = False) -> None:
     """Print one line, on stderr if `err`."""
     click.echo(line_of(text), err=err)
+
+
+def show(facts: object, lines: Iterable[str], *, as_json: bool) -> None:
+    """Print facts as JSON, or what they say to people, line by line."""
+    if as_json:
+        click.echo(json.dumps(facts, indent=1))
+    else:
+        for line in lines:
+            say(line)
 
 
 def show_notes(notes: Iterable[str]) -> None:

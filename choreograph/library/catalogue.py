@@ -70,7 +70,10 @@ class RepertoireShards:
         self._shards = [RepertoireFile(one, most_bytes=most_bytes) for one in paths]
         first = self._shards[0]
         self.density, self.net_names = first.density, first.net_names
-        self.parts = self._common_parts()
+        # `notes` and `uncertainty` of any file are read, other optional arrays of all files.
+        have = [shard.parts for shard in self._shards]
+        of_any = frozenset.union(*have) & {"notes", "uncertainty"}
+        self.parts = frozenset.intersection(*have) | of_any
         for other in self._shards[1:]:
             _check_same(first, other)
         self._layout = layout_of({name for part in self.parts for name in OPTIONAL[part]})
@@ -86,11 +89,6 @@ class RepertoireShards:
             if kind != "s" and axes[0] in _ROWS and name in first.shapes
         }
         self._check_names()
-
-    def _common_parts(self) -> frozenset[str]:
-        """The optional arrays that are read: `notes` and `uncertainty` of any file, others of all files."""
-        have = [shard.parts for shard in self._shards]
-        return frozenset.intersection(*have) | (frozenset.union(*have) & {"notes", "uncertainty"})
 
     def _rows_of(self, name: str) -> int:
         return int(self._borders[self._layout[name][1].split()[0]][-1])
@@ -232,33 +230,29 @@ def open_files(paths: Sequence[Path]) -> AnyFile:
 
 
 def files_of(paths: Sequence[Path]) -> list[Path]:
-    """Files, and those of folders. Raises `RepertoireError` for a folder without repertoire files."""
-    return [file for path in paths for file in (_files_in(path) if path.is_dir() else [path])]
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """The repertoire files in a folder, by name."""
-    found = sorted(path for path in folder.glob(f"*{SUFFIX}") if path.is_file())
-    if not found:
-        raise RepertoireError(f"{folder}: expected repertoire files ({SUFFIX}) in this folder, got none")
-    return found
+    """Files, and those of folders by name. Raises `RepertoireError` for a folder without repertoire files."""
+    files: list[Path] = []
+    for path in paths:
+        inside = path.glob(f"*{SUFFIX}") if path.is_dir() else [path]
+        found = sorted(file for file in inside if file.is_file() or not path.is_dir())
+        if not found:
+            raise RepertoireError(f"{path}: expected repertoire files ({SUFFIX}) in this folder, got none")
+        files += found
+    return files
 
 
 def _check_same(first: RepertoireFile, other: RepertoireFile) -> None:
     """Raise `RepertoireError` if two files cannot be read as one."""
-    for what, of in (
-        ("skeleton", _skeleton), ("networks", _networks), ("tempo-density", lambda file: file.density),
-        ("motifs", motif_set),
+    again = f"build it again with `--init-from {first.path.name} --keep-networks`"
+    retarget = f"`build-db --add TAKES {first.path.name}` retargets takes to it"
+    for what, of, cure in (
+        ("skeleton", _skeleton, retarget), ("networks", _networks, again),
+        ("tempo-density", lambda file: file.density, again), ("motifs", motif_set, again),
     ):  # fmt: skip
         if of(first) != of(other):
-            raise RepertoireError(_differs(what, first, other))
-
-
-def _differs(what: str, first: RepertoireFile, other: RepertoireFile) -> str:
-    cure = f"build it again with `--init-from {first.path.name} --keep-networks`"
-    if what == "skeleton":
-        cure = f"`build-db --add TAKES {first.path.name}` retargets takes to it"
-    return f"{other.path}: expected the {what} of {first.path.name}, got another: {cure}"
+            raise RepertoireError(
+                f"{other.path}: expected the {what} of {first.path.name}, got another: {cure}"
+            )
 
 
 def _skeleton(file: RepertoireFile) -> bytes:

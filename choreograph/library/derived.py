@@ -7,7 +7,7 @@ from its motion when they are read.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +38,6 @@ from choreograph.motion.body import (
 from choreograph.motion.contacts import step_counts
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import (
-    GenreSizes,
     genre_sizes,
     liveliness_ranks,
     mean_joint_speed_m_s,
@@ -165,9 +164,11 @@ def with_derived(arrays: Mapping[str, Any], *, compress: bool) -> dict[str, Any]
 
 def _pos_m_from_motion(arrays: Mapping[str, Any]) -> NDArray[np.float32]:
     """Body positions (B, 21, 3), made from motion as a compressed file holds it."""
-    motion = {
-        name: _as_quantised(np.asarray(arrays[name]), step) for name, step in QUANTISATION_STEPS.items()
-    }
+    motion = {}
+    for name, step in QUANTISATION_STEPS.items():
+        values = np.asarray(arrays[name])
+        integers = quantised(values, step)
+        motion[name] = values if integers is None else dequantised(integers, step)
 
     def read(name: str) -> NDArray[Any]:
         return np.asarray(arrays[name])
@@ -176,11 +177,6 @@ def _pos_m_from_motion(arrays: Mapping[str, Any]) -> NDArray[np.float32]:
     n_motion, n_body = (len(arrays[name]) for name in ("motion/root_pos_m", "body/pos_m"))
     positions = BodyPositions.of(read, skeleton, n_motion, n_body)
     return positions.rows(lambda name, start, stop: motion[name][start:stop], 0, n_body)
-
-
-def _as_quantised(array: NDArray[np.floating], step: float) -> NDArray[np.floating]:
-    integers = quantised(array, step)
-    return array if integers is None else dequantised(integers, step)
 
 
 def take_arrays(body_pos_m: NDArray[np.float32], arrays: Mapping[str, Any]) -> Arrays:
@@ -255,6 +251,13 @@ def genre_arrays(arrays: Mapping[str, Any]) -> Arrays:
     ends = np.cumsum([len(one.sizes) for one in of_genre])
     take, start_frame = np.asarray(arrays["clips/take"]), np.asarray(arrays["clips/start_frame"])
     genre_of_clip = np.searchsorted(names, genre)[take]
+    # The rank of the seconds of each clip's middle 4 s in its genre, and their mean.
+    middle = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
+    rows = starts[take], stops[take] - 1
+    ranks = []
+    for at in (middle + second * NET_FPS for second in range(SEGMENT_S)):
+        measured = travel_and_width(lambda of: sums[of], *rows, at, at + NET_FPS)
+        ranks.append(liveliness_ranks(measured, genre_of_clip, of_genre))
     return {
         "genres/name": names,
         "genres/scale": np.stack([one.scale for one in of_genre]),
@@ -262,9 +265,7 @@ def genre_arrays(arrays: Mapping[str, Any]) -> Arrays:
         "genres/size_stop": ends,
         "genres/sizes": np.concatenate([one.sizes for one in of_genre]),
         "clips/step_rank": _step_ranks(np.asarray(arrays["clips/steps"]), genre_of_clip),
-        "clips/liveliness_rank": clip_liveliness(
-            lambda rows: sums[rows], of_genre, genre_of_clip, starts[take], stops[take] - 1, start_frame
-        ),
+        "clips/liveliness_rank": np.asarray(np.mean(ranks, axis=0, dtype=np.float32)),
     }
 
 
@@ -278,24 +279,3 @@ def _step_ranks(steps: AnyInts, genre_of_clip: AnyInts) -> NDArray[np.float32]:
         inside = genre_of_clip == genre
         ranks[inside] = (scipy.stats.rankdata(steps[inside]) - 0.5) / inside.sum()
     return ranks
-
-
-def clip_liveliness(
-    read_sums: Callable[[AnyInts], AnyFloats],
-    sizes: Sequence[GenreSizes],
-    genre: AnyInts,
-    first_row: AnyInts,
-    last_row: AnyInts,
-    start_frame: AnyInts,
-) -> NDArray[np.float32]:
-    """Mean rank (N,), 0 … 1, of the seconds of each clip's middle 4 s in its genre (N,).
-
-    `first_row` and `last_row` (N,) are those of the clips' takes, of which `read_sums` returns the sums.
-    """
-    start = middle_starts(start_frame).astype(np.float64)  # (N,) in their takes
-    ranks = [
-        liveliness_ranks(travel_and_width(read_sums, first_row, last_row, at, at + NET_FPS), genre, sizes)
-        for at in (start + second * NET_FPS for second in range(SEGMENT_S))
-    ]
-    result: NDArray[np.float32] = np.mean(ranks, axis=0, dtype=np.float32)
-    return result

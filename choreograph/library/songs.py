@@ -75,15 +75,10 @@ def song_beats(song: Song, log_mel: NDArray[np.floating], beats: str | Path) -> 
     """A song's beats, with bars only if a file has them. Arguments and errors are those of `song_counts`."""
     check_beats(beats)
     if names_a_tracker(beats):
-        times_s = np.round(_tracker(str(beats)).beats(song, log_mel), _BEAT_DECIMALS)
+        tracker: BeatTracker = get_beat_tracker(str(beats)) if str(beats) in TRACKERS else NetworkBeats()
+        times_s = np.round(tracker.beats(song, log_mel), _BEAT_DECIMALS)
         return Counts(times_s, np.zeros(len(times_s), np.int64), 0)
     return read_beats(beats, start_s=song.start_s, duration_s=song.duration_s)
-
-
-def _tracker(name: str) -> BeatTracker:
-    if name in TRACKERS:
-        return get_beat_tracker(name)
-    return NetworkBeats()
 
 
 # The songs of a build, each decoded and analysed once.

@@ -22,7 +22,8 @@ from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.formats.folder import SongsByName
 from choreograph.formats.register import read_take
-from choreograph.library.building.takes import measure_take, segment_takes
+from choreograph.library.building.takes import measure_take
+from choreograph.library.building.words import segment_takes
 from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.library.songs import names_a_tracker
 from choreograph.library.vocabulary import signature

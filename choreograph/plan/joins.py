@@ -28,10 +28,7 @@ from choreograph.motion.kinematics import ancestors, forward
 from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.plan.runs import (
-    Run,
-    TransitionTiming,
-)
+from choreograph.plan.runs import Run, TransitionTiming
 from choreograph.settings import TRANSITION_LENGTHS_S
 
 # Keeping a dance near the middle of the stage, by small extra rotations at transitions.

@@ -52,11 +52,6 @@ def exports_of_each(*, characters: bool = False) -> list[str]:
     ]
 
 
-def zip_path(path: Path) -> Path:
-    """The file that holds those of each dancer, where a format is of one dancer."""
-    return path.with_name(f"{path.stem}-{path.suffix[1:]}.zip")
-
-
 @default_numerics()
 def export(
     path: Path,
@@ -116,7 +111,7 @@ def export_scene(
     written = scene_paths(path, len(scene.dancers), characters=used.get("character") is not None)
     if written == (path,):
         return path
-    packed = zip_path(path)
+    packed = path.with_name(f"{path.stem}-{path.suffix[1:]}.zip")
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as file:
         for one in written:
             file.writestr(zipfile.ZipInfo(one.name), one.read_bytes(), zipfile.ZIP_DEFLATED)  # without a date

@@ -48,10 +48,13 @@ class Job:
     begun: threading.Event = field(default_factory=threading.Event)  # once there is a first part, or an end
     on_change: Callable[[Job], None] = lambda job: None
 
-    def report(self, stage: str, done: int, total: int) -> None:
-        """Take down progress. Raises `CancelledError` if the job was cancelled."""
+    def _check(self) -> None:
         if self.cancelled.is_set():
             raise CancelledError("cancelled")
+
+    def report(self, stage: str, done: int, total: int) -> None:
+        """Take down progress. Raises `CancelledError` if the job was cancelled."""
+        self._check()
         is_news = stage != self.stage or done >= total
         self.stage, self.done, self.total = stage, done, total
         if is_news:
@@ -59,15 +62,13 @@ class Job:
 
     def say(self, line: str) -> None:
         """Add a line to the log. Raises as `report`."""
-        if self.cancelled.is_set():
-            raise CancelledError("cancelled")
+        self._check()
         self.log = [*self.log[1 - _LOG_LINES :], line]
         self.on_change(self)
 
     def show(self, first: Any) -> None:
         """Give a first part of the result, for which pages wait. Raises as `report`."""
-        if self.cancelled.is_set():
-            raise CancelledError("cancelled")
+        self._check()
         self.first = first
         self.begun.set()
 

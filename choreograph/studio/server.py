@@ -73,6 +73,11 @@ def start(
         song = _song_of(project)
     folder = Path.cwd() if song is None else song.parent
     service = Service(folder, repertoire)
+
+    def load(job: Job) -> None:
+        service.restore_character()
+        service.desk.load(None, job.report)
+
     with ExitStack() as failed:
         failed.callback(service.close)
         if character is not None:
@@ -80,7 +85,7 @@ def start(
         if song is not None:
             check_regular(song, "a song")
             service.desk.open(song, project)
-            service.change("song", lambda job: _load(service, job))
+            service.change("song", load)
         failed.pop_all()
     return service
 
@@ -137,11 +142,6 @@ def _listening(host: str, port: int) -> socket.socket:
             f"expected port {port} of {host} to be free, got {error.strerror}: choose another with --port"
         ) from error
     return made
-
-
-def _load(service: Service, job: Job) -> None:
-    service.restore_character()
-    service.desk.load(None, job.report)
 
 
 def _song_of(project: Path) -> Path:

@@ -18,7 +18,7 @@ from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.building.networks import PretrainedWeights
 from choreograph.library.building.options import BuildOptions
-from choreograph.library.building.takes import FEWEST_WORDS, segment_takes
+from choreograph.library.building.words import FEWEST_WORDS, segment_takes
 from choreograph.library.builtin import pretrained_set
 from choreograph.library.notes import Note
 from choreograph.library.repertoire import starter_repertoire

@@ -17,12 +17,11 @@ from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import (
     MIN_PHASE_LOCK,
     SURE_MOTION_CONFIDENCE,
-    CountDecision,
     Counting,
-    count_notes,
     counted_take,
     counts_from_song,
     phase_lock,
+    uncounted_notes,
 )
 from choreograph.library.builtin import (
     MAX_MOTION_UNCERTAINTY,
@@ -89,10 +88,11 @@ def test_a_song_of_another_phase_does_not():
 
 
 def counted_takes(takes, songs, count_motion=None):
-    """The counted takes and the decisions on those that had no counts."""
+    """The counted takes, and notes on those that had no counts."""
     counts = Counting(songs, count_motion).song_counts([m.take for m in takes])
     found = [counted_take(count_motion, m, song) for m, song in zip(takes, counts, strict=True)]
-    return [m for m, _ in found], [decision for _, decision in found if decision is not None]
+    counted = [m for m, _ in found]
+    return counted, [*(note for _, note in found if note is not None), *uncounted_notes(counted)]
 
 
 def test_takes_and_notes(tmp_path):
@@ -105,12 +105,11 @@ def test_takes_and_notes(tmp_path):
         silent,
         replace(known, take=replace(known.take, song_path=song, counts=given_counts)),
     ]
-    counted, decisions = counted_takes(takes, SongCache())
+    counted, notes = counted_takes(takes, SongCache())
     assert [len(m.take.counts) for m in counted] == [pytest.approx(60, abs=3), 0, 0, 2]
     assert counted[0].take.counts.source == FROM_MUSIC
-    by_song = CountDecision("take0", FROM_MUSIC, counted[0].take.counts.confidence)
-    assert decisions == [by_song, CountDecision("take1", "", 0.0), CountDecision("take2", "", 0.0)]
-    kinds = [(note.kind, note.subject) for note in count_notes(counted, decisions)]
+    assert notes[0].values == {"confidence": counted[0].take.counts.confidence}
+    kinds = [(note.kind, note.subject) for note in notes]
     assert kinds == [
         ("counts from song", "take0"), ("no counts", "take1"), ("no counts", "take2"),
         ("uncounted left out", ""),
@@ -132,10 +131,10 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
         read = make_counts([1.0, 1.5], [3, 4], 4, source=FROM_MOTION, confidence=confidence)
         return replace(read, uncertainty=np.full(2, uncertainty))
 
-    counted, decisions = counted_takes([*takes, known], SongCache(), read)
+    counted, notes = counted_takes([*takes, known], SongCache(), read)
     assert [m.take.counts.source for m in counted] == [FROM_MOTION, FROM_MOTION, "", "", ANNOTATED]
     assert [id(body) for body in read_bodies] == [id(take.body_pos_m) for take in takes]
-    assert summary(count_notes(counted, decisions), len(counted), "a.h5") == (
+    assert summary(notes, len(counted), "a.h5") == (
         "take0: counts are estimated from the motion, confidence 0.70",
         "take1: counts are estimated from the motion and are uncertain, confidence 0.50",
         "2 of 5 takes: there are no counts, since those estimated from the motion are too uncertain, "
@@ -146,8 +145,8 @@ def test_takes_without_counts_are_read_from_their_motion_if_that_is_likely_to_be
 
 
 def test_if_no_take_has_counts_all_are_danced_by_motion_beats():
-    counted, decisions = counted_takes(synthetic_takes(periods_s=(0.5,)), SongCache())
-    assert [note.kind for note in count_notes(counted, decisions)] == ["no counts", "uncounted danced"]
+    _, notes = counted_takes(synthetic_takes(periods_s=(0.5,)), SongCache())
+    assert [note.kind for note in notes] == ["no counts", "uncounted danced"]
 
 
 def test_the_song_comes_before_the_motion(tmp_path):

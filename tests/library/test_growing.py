@@ -27,7 +27,7 @@ from choreograph.library.building.growing import (
     joined_notes,
     novelty_notes,
 )
-from choreograph.library.building.kept_motifs import WordTable
+from choreograph.library.building.words import WordTable
 from choreograph.library.builtin import STARTER_PATH
 from choreograph.library.derived import with_derived
 from choreograph.library.notes import Note
@@ -429,9 +429,9 @@ def test_without_motifs_clips_are_compared_by_their_style(tmp_path):
     style = repertoire.clip_style
 
     def share(new):
-        [note] = novelty_notes(repertoire, ["a"], new, WordTable.none(), [])
+        [note] = novelty_notes(repertoire, ["a"], new, WordTable.of([]), [])
         assert note.kind == "farther clips"
         return note.values["share"]
 
     assert share(style) == 0.0 and share(style + 100.0) == 1.0
-    assert novelty_notes(repertoire, ["a"], style[:0], WordTable.none(), []) == []
+    assert novelty_notes(repertoire, ["a"], style[:0], WordTable.of([]), []) == []

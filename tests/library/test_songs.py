@@ -17,7 +17,7 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.library import songs as song_cache
 from choreograph.library.building.networks import style_take
 from choreograph.library.building.options import BuildOptions
-from choreograph.library.building.takes import segment_takes
+from choreograph.library.building.words import segment_takes
 from choreograph.library.notes import summary
 from choreograph.library.songs import (
     AnalysedSong,

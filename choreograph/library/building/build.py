@@ -18,7 +18,6 @@ from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
 from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.counting import Counting
-from choreograph.library.building.kept_motifs import KeptMotifs
 from choreograph.library.building.networks import (
     STYLE_NET,
     PretrainedWeights,
@@ -29,16 +28,15 @@ from choreograph.library.building.networks import (
     train_rollout_network,
     train_word_network,
     training_content,
-    training_context,
 )
 from choreograph.library.building.options import BuildOptions, BuildResult
-from choreograph.library.building.takes import (
+from choreograph.library.building.takes import kept_notes, measured_takes
+from choreograph.library.building.words import (
     FEWEST_WORDS,
+    KeptMotifs,
     SegmentedTake,
     keep_motifs,
-    kept_notes,
     make_motifs,
-    measured_takes,
     segment_takes,
 )
 from choreograph.library.builtin import MOTION_NET, load_motion_counter, pretrained_set
@@ -124,7 +122,7 @@ def _write_built(
     training_report: Callable[[Any], None] | None,
 ) -> list[Note]:
     """Build and write the file `output`, with work in progress in `work`. Returns notes."""
-    from choreograph.nets.training import select_device
+    from choreograph.nets.training import TrainingContext, select_device
 
     shipped = pretrained_set(options.pretrained)
     pretrained = PretrainedWeights.of(options, shipped)
@@ -134,9 +132,9 @@ def _write_built(
     check_apart([output], [path for m in measured for path in m.take.source_paths])
     checksums = source_checksums(measured, sources)
     content = training_content(measured, checksums, options)
-    context = training_context(
-        work, options, content, training_report,
-        note=lambda text: notes.append(Note("training", values={"text": text})),
+    context = TrainingContext(  # checkpoints NAME.pt and logs NAME.jsonl are in `work`
+        work, options.resume, options.device, options.precision, training_report or (lambda progress: None),
+        content, lambda text: notes.append(Note("training", values={"text": text})),
     )  # fmt: skip
     counter_trained_on: tuple[str, ...] = ()  # songs, if it counted a take
     if pretrained.from_shipped:
@@ -159,10 +157,11 @@ def _write_built(
         notes += segment_notes
         words = _WordParts()
         if options.words:
-            trained = words_net()
-            if elsewhere is not None and trained.progress is not None:
-                context.report(trained.progress)
-            words = _words(segmented, trained, pretrained.motifs, measured, options, notes)
+            net, word_notes, progress = words_net()
+            if elsewhere is not None and progress is not None:
+                context.report(progress)
+            notes += word_notes
+            words = _words(segmented, net, pretrained.motifs, measured, options, notes)
     arrays = features.arrays(measured, checksums)
     contents = Contents(
         arrays | words.arrays,
@@ -280,27 +279,22 @@ def _trained_words(
     pretrained: PretrainedWeights,
     options: BuildOptions,
     context: TrainingContext,
-) -> _TrainedWords:
+) -> tuple[NetArrays | None, list[Note], TrainingProgress | None]:
     """The network of motion words, with notes on its training and the last of its progress."""
-    trained = _TrainedWords()
+    notes: list[Note] = []
+    last: TrainingProgress | None = None
 
     def report(progress: TrainingProgress) -> None:
-        trained.progress = progress
+        nonlocal last
+        last = progress
         context.report(progress)
 
     def note(text: str) -> None:
-        trained.notes.append(Note("training", values={"text": text}))
+        notes.append(Note("training", values={"text": text}))
 
     own = replace(context, report=report, note=note)
-    trained.net = train_word_network(segmented, pretrained, options=options, context=own)
-    return trained
-
-
-@dataclass(eq=False)
-class _TrainedWords:
-    net: NetArrays | None = None
-    notes: list[Note] = field(default_factory=list)
-    progress: TrainingProgress | None = None
+    net = train_word_network(segmented, pretrained, options=options, context=own)
+    return net, notes, last
 
 
 def _unseen(progress: TrainingProgress) -> None:
@@ -309,15 +303,13 @@ def _unseen(progress: TrainingProgress) -> None:
 
 def _words(
     segmented: Sequence[SegmentedTake],
-    trained: _TrainedWords,
+    net: NetArrays | None,
     kept: KeptMotifs | None,
     measured: Sequence[MeasuredTake],
     options: BuildOptions,
     notes: list[Note],
 ) -> _WordParts:
     """The takes' motion words, their networks and their motifs, kept or found. Appends to `notes`."""
-    net = trained.net
-    notes += trained.notes
     nets = {} if net is None else {"words": net}
     n_words = sum(len(take.words) for take in segmented)
     if net is None or n_words < (FEWEST_WORDS if kept is None else 1):

@@ -10,7 +10,7 @@ take stays without counts. Uncertain counts are better than motion beats (`resea
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.cache import key_of
-from choreograph.core.counts import FROM_MOTION, FROM_MUSIC, NO_COUNTS, Counts
+from choreograph.core.counts import NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.library.builtin import MotionCounter, are_likely_right, mean_uncertainty
@@ -39,30 +39,6 @@ _FEWEST_WINDOWS = 5  # in fewer windows, random phases agree too often
 _STILL_M_S = 0.02  # slower motion counts as equally still
 
 
-@dataclass(frozen=True)
-class CountDecision:
-    """The source of the counts that a take without counts has been given, and their confidence."""
-
-    take: str
-    source: str  # `FROM_MUSIC`, `FROM_MOTION`, or "" if it stays without
-    confidence: float  # of the counts, or of those from motion that are not used
-    uncertainty: float = 0.0  # mean over the counts
-    is_refused: bool = False  # counts were estimated from the motion and are not used
-
-    def note(self) -> Note:
-        """The decision as a note of the build."""
-        if self.is_refused:
-            values = {"confidence": self.confidence, "uncertainty": self.uncertainty}
-            return Note("refused counts", self.take, values)
-        if not self.source:
-            return Note("no counts", self.take)
-        kind = "counts from song"
-        if self.source == FROM_MOTION:
-            is_sure = self.confidence >= SURE_MOTION_CONFIDENCE
-            kind = "counts from motion" if is_sure else "uncertain counts"
-        return Note(kind, self.take, {"confidence": self.confidence})
-
-
 class Counting(NamedTuple):
     """What takes without counts are counted with."""
 
@@ -72,7 +48,7 @@ class Counting(NamedTuple):
     @property
     def key(self) -> bytes | None:
         """A digest of `count_motion`, or None if it is of another package."""
-        return key_of(_decided if self.count_motion is None else self.count_motion)
+        return key_of(counted_take if self.count_motion is None else self.count_motion)
 
     def song_counts(self, takes: Sequence[Take]) -> list[Counts | None]:
         """For each take, the counts of its song if it has one and needs them. Raises as `load_song`."""
@@ -83,45 +59,38 @@ class Counting(NamedTuple):
 
 def counted_take(
     count_motion: MotionCounter | None, measured: MeasuredTake, song: Counts | None
-) -> tuple[MeasuredTake, CountDecision | None]:
-    """The take with counts if these are probably right, and the decision if it had none.
+) -> tuple[MeasuredTake, Note | None]:
+    """The take with counts if these are probably right, and a note if it had none.
 
-    `song` has the counts of its song, if there is one. Without `count_motion`, none are
-    estimated from motion.
+    The counts are those of its `song`, if there is one, else those that `count_motion` estimates from the
+    motion, if it is given.
     """
     take = measured.take
     if len(take.counts):
         return measured, None
-    counts, decision = _decided(count_motion, measured, song)
-    return replace(measured, take=replace(take, counts=counts)), decision
-
-
-def _decided(
-    count_motion: MotionCounter | None, measured: MeasuredTake, song: Counts | None
-) -> tuple[Counts, CountDecision]:
-    """The counts of a take that has none, from its song, else from its motion, else none."""
-    take, counts = measured.take, NO_COUNTS
+    counts, note = NO_COUNTS, Note("no counts", take.name)
     if song is not None:
         pos_m = body_pos_m(take.motion.resampled(STORE_FPS))
         counts = counts_from_song(song, pos_m, STORE_FPS, song_start_s=take.song_start_s)
     if len(counts):
-        return counts, CountDecision(take.name, counts.source or FROM_MUSIC, counts.confidence)
-    if count_motion is None:
-        return NO_COUNTS, CountDecision(take.name, "", 0.0)
-    counts = count_motion(measured.body_pos_m)
-    uncertainty = mean_uncertainty(counts)
-    if are_likely_right(counts):
-        return counts, CountDecision(take.name, FROM_MOTION, counts.confidence, uncertainty)
-    return NO_COUNTS, CountDecision(take.name, "", counts.confidence, uncertainty, is_refused=True)
+        note = Note("counts from song", take.name, {"confidence": counts.confidence})
+    elif count_motion is not None:
+        counts = count_motion(measured.body_pos_m)
+        confidence = {"confidence": counts.confidence}
+        if not are_likely_right(counts):
+            values = confidence | {"uncertainty": mean_uncertainty(counts)}
+            counts, note = NO_COUNTS, Note("refused counts", take.name, values)
+        elif counts.confidence >= SURE_MOTION_CONFIDENCE:
+            note = Note("counts from motion", take.name, confidence)
+        else:
+            note = Note("uncertain counts", take.name, confidence)
+    return replace(measured, take=replace(take, counts=counts)), note
 
 
-def count_notes(measured: Sequence[MeasuredTake], decisions: Sequence[CountDecision]) -> list[Note]:
-    """Notes on how takes were counted, and on the use of those without counts."""
-    notes = [decision.note() for decision in decisions]
+def uncounted_notes(measured: Sequence[MeasuredTake]) -> list[Note]:
+    """A note on the use of takes without counts, if there are any."""
     has_counts = [len(m.take.counts) > 0 for m in measured]
-    if not all(has_counts):
-        notes.append(Note("uncounted left out" if any(has_counts) else "uncounted danced"))
-    return notes
+    return [] if all(has_counts) else [Note("uncounted left out" if any(has_counts) else "uncounted danced")]
 
 
 def counts_from_song(

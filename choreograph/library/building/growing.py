@@ -30,20 +30,23 @@ from choreograph.core.workers import working
 from choreograph.formats.remote import is_address, local_sources
 from choreograph.library.building.build import clip_features
 from choreograph.library.building.counting import Counting
-from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
 from choreograph.library.building.networks import source_checksums
 from choreograph.library.building.options import BuildOptions, BuildResult
 from choreograph.library.building.takes import (
-    FEWEST_WORDS,
     Imported,
-    SegmentedTake,
     check_takes,
     import_sources,
     kept_notes,
     prepared_takes,
-    segment_takes,
     short_notes,
-    word_table,
+)
+from choreograph.library.building.words import (
+    FEWEST_WORDS,
+    KeptMotifs,
+    SegmentedTake,
+    WordTable,
+    embedder_of,
+    segment_takes,
 )
 from choreograph.library.builtin import MOTION_NET, load_motion_counter, pretrained_set
 from choreograph.library.derived import ALWAYS_MADE, with_derived
@@ -179,12 +182,11 @@ def _new_takes(
     on_it = all(take.motion.skeleton.same_as(skeleton) for take in takes)
     songs, shipped = SongCache(options.beats), pretrained_set(options.pretrained)
     counting = Counting(songs, load_motion_counter(shipped))
-    prepared = prepared_takes(takes, options, report, counting, target=None if on_it else skeleton)
-    measured = prepared.measured
-    notes = [*added.notes(), *replaced.notes(), *prepared.jumps]
+    target = None if on_it else skeleton
+    measured, jumps, count_notes = prepared_takes(takes, options, report, counting, target=target)
+    notes = [*added.notes(), *replaced.notes(), *jumps]
     notes += [] if on_it else [Note("moved onto", take.name) for take in takes]
-    notes += short_notes(measured)
-    notes += prepared.count_notes
+    notes += [*short_notes(measured), *count_notes]
     counter: tuple[str, ...] = ()
     if any(m.take.counts.source == FROM_MOTION for m in measured):
         counter = shipped[MOTION_NET].trained_on
@@ -199,7 +201,7 @@ def _new_takes(
         features.arrays(measured, source_checksums(measured, (*add, *replace))), compress=options.compress
     )
     if segmented:
-        arrays["motifs/word_take"] = word_table(segmented).take
+        arrays["motifs/word_take"] = WordTable.of(segmented).take
     return _NewTakes(measured, arrays, segmented, notes, counter)
 
 
@@ -257,7 +259,7 @@ def _write_changed(kept: _Kept, new: _NewTakes, changes: TakeChanges, target: Pa
             kept.repertoire,
             [m.take.credits.genre for m in new.measured],
             np.asarray(new.arrays["clips/style"]),
-            word_table(new.segmented) if new.segmented else WordTable.none(),
+            WordTable.of(new.segmented),
             [m.body_pos_m for m in new.measured],
         )
     notes = joined_notes(
@@ -288,7 +290,7 @@ def _vocabulary(kept: _Kept, new: _NewTakes, rows: TakeRows) -> Vocabulary:
     """The motifs of the file with the words of all takes."""
     repertoire, before = kept.repertoire, kept.repertoire.vocabulary
     motifs, net = KeptMotifs.of(repertoire), repertoire.word_net()
-    of_new = word_table(new.segmented) if new.segmented else WordTable.none()
+    of_new = WordTable.of(new.segmented)
     new_motif = [motifs.nearest(net.embed(take.words.body_pos_m)) for take in new.segmented]
 
     def joined(old: NDArray[Any], added: NDArray[Any]) -> NDArray[Any]:

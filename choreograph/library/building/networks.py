@@ -22,16 +22,10 @@ import numpy as np
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.core.progress import ProgressReport, substage
-from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, seconds_to_frames
-from choreograph.library.building.kept_motifs import KeptMotifs
+from choreograph.core.timebase import CLIP_S, MUSIC_FPS, NET_FPS, WORD_FPS, seconds_to_frames
 from choreograph.library.building.options import BuildOptions
-from choreograph.library.building.takes import (
-    FEWEST_WORDS,
-    SegmentedTake,
-    measure_take,
-    path_within,
-    segment_takes,
-)
+from choreograph.library.building.takes import measure_take, path_within
+from choreograph.library.building.words import FEWEST_WORDS, KeptMotifs, SegmentedTake, segment_takes
 from choreograph.library.builtin import NOTHING, PretrainedNet, shipped_checksums
 from choreograph.library.catalogue import files_of
 from choreograph.library.notes import Note
@@ -56,22 +50,6 @@ if TYPE_CHECKING:
 
 
 _DIGITS = 16  # of a checksum, enough to distinguish files
-
-
-def training_context(
-    work: Path,
-    options: BuildOptions,
-    content: Mapping[str, Any],
-    report: Callable[[Any], None] | None,
-    note: Callable[[str], None],
-) -> TrainingContext:
-    """Checkpoints NAME.pt and logs NAME.jsonl in `work`. `options.resume` continues those of `content`."""
-    from choreograph.nets.training import TrainingContext
-
-    return TrainingContext(
-        work, options.resume, options.device, options.precision, report or (lambda progress: None),
-        content, note,
-    )  # fmt: skip
 
 
 def source_checksums(
@@ -190,7 +168,9 @@ class PretrainedWeights:
                 "(--pretrained, with preset small), got none"
             )
         if options.keep_networks and options.compress:  # as the file will hold them
-            nets = {name: _in_half_precision(net) for name, net in nets.items()}
+            for name, net in nets.items():
+                rounded = {of: a.astype(np.float16).astype(np.float32) for of, a in net.weights.items()}
+                nets[name] = replace(net, weights=rounded)
         return cls(nets, trained_on, options.keep_networks, begins, motifs)
 
     @property
@@ -202,11 +182,6 @@ class PretrainedWeights:
         """Weights that training starts from, or None for random ones."""
         net = self.nets.get(name)
         return None if net is None else net.weights
-
-
-def _in_half_precision(net: NetArrays) -> NetArrays:
-    rounded = {name: array.astype(np.float16).astype(np.float32) for name, array in net.weights.items()}
-    return replace(net, weights=rounded)
 
 
 def train_music_networks(
@@ -250,53 +225,33 @@ def _trained(
     options: BuildOptions,
     context: TrainingContext,
 ) -> dict[str, NetArrays]:
-    """The networks of style, and of tempo-density if it is learned. Those in `kept` are not trained."""
-    from choreograph.nets.configs import style_config
+    """The networks of style, and of tempo-density if it is learned. Those in `kept` are not trained.
+
+    Of tempo-density, that of music needs that of motion. Without a take of 8 s of music and motion, there are
+    none that are not kept.
+    """
+    from choreograph.nets.configs import density_config, style_config
+    from choreograph.nets.density import MotionDensity
+    from choreograph.nets.density_training import train_motion_density, train_music_density
     from choreograph.nets.style_training import train_style
 
     nets = dict(kept)
+    given: dict[str, Any] = {"seed": options.seed, "context": context}
     if STYLE_NET not in nets:
         n_songs = len({take.song_name for take in takes})
-        config = style_config(
-            options.preset, n_songs=n_songs, **(_changes(options) | dict(options.style_changes))
-        )
-        style = train_style(
-            takes, config, pretrained=pretrained.weights(STYLE_NET), seed=options.seed, context=context
-        )
+        changes = _changes(options) | dict(options.style_changes)
+        config = style_config(options.preset, n_songs=n_songs, **changes)
+        style = train_style(takes, config, pretrained=pretrained.weights(STYLE_NET), **given)
         nets[STYLE_NET] = _stored(style)
-    if options.density == "learned":
-        nets |= _trained_densities(takes, nets, pretrained, options=options, context=context)
-    return nets
-
-
-def _trained_densities(
-    takes: Sequence[StyleTake],
-    kept: Mapping[str, NetArrays],
-    pretrained: PretrainedWeights,
-    *,
-    options: BuildOptions,
-    context: TrainingContext,
-) -> dict[str, NetArrays]:
-    """The networks of tempo-density: first motion's, then music's, which needs it. Those in `kept` stay.
-
-    None without a take of 8 s of music and motion.
-    """
-    from choreograph.nets.configs import density_config
-    from choreograph.nets.density import MotionDensity
-    from choreograph.nets.density_training import train_motion_density, train_music_density
-
-    nets = {name: kept[name] for name in DENSITY_NETS if name in kept}
     longest_s = max(min(len(t.body_pos_m) / NET_FPS, len(t.log_mel) / MUSIC_FPS) for t in takes)
-    if longest_s < CLIP_S:
+    if options.density != "learned" or longest_s < CLIP_S:
         return nets
-    given: dict[str, Any] = {"seed": options.seed, "context": context}
     densities = density_config(options.preset, **(_changes(options) | dict(options.density_changes)))
     if "motion_density" in nets:
         motion = MotionDensity.from_arrays(nets["motion_density"].weights, nets["motion_density"].config)
     else:
-        motion = train_motion_density(
-            takes, densities, pretrained=pretrained.weights("motion_density"), **given
-        )
+        weights = pretrained.weights("motion_density")
+        motion = train_motion_density(takes, densities, pretrained=weights, **given)
         nets["motion_density"] = _stored(motion)
     if "music_density" not in nets:
         weights = pretrained.weights("music_density")
@@ -314,14 +269,14 @@ def train_word_network(
 ) -> NetArrays | None:
     """The network that embeds motion words, or None if there are too few words and none is kept."""
     from choreograph.nets.configs import word_config
-    from choreograph.nets.words import train_word_net
+    from choreograph.nets.words import WordTake, train_word_net
 
     n_words = sum(len(take.words) for take in takes)
     if WORDS_NET in pretrained.kept or n_words < FEWEST_WORDS:
         return pretrained.kept.get(WORDS_NET)
     weights = pretrained.weights(WORDS_NET)
     net = train_word_net(
-        [take.to_word_take() for take in takes],
+        [WordTake(t.name, t.body_pos_m, WORD_FPS, t.words.start_s, t.words.end_s) for t in takes],
         word_config(options.preset, n_words=n_words, pretrained=weights is not None, **_changes(options)),
         seed=options.seed, context=context, pretrained=weights,
     )  # fmt: skip

@@ -1,4 +1,7 @@
-"""Reads the takes of a repertoire, cleans, retargets and measures them, and segments them into words."""
+"""The takes of a build: read from their sources, cleaned of jumps, retargeted, foot-locked and measured.
+
+All takes of a repertoire are on one skeleton. Takes without counts are counted as they are measured.
+"""
 
 from __future__ import annotations
 
@@ -10,31 +13,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from choreograph.core.arguments import unexpected
 from choreograph.core.cache import DiskCache, each_cached, key_of
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.core.numerics import AnyFloats
 from choreograph.core.progress import ProgressReport
-from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS, WORD_FPS
+from choreograph.core.timebase import CLIP_S, NET_FPS, STORE_FPS
 from choreograph.formats.axes_and_units import unit_in_notes
 from choreograph.formats.manifest import SkippedFile, raise_errors
 from choreograph.formats.register import annotate_takes, read_source
-from choreograph.library.building.counting import CountDecision, Counting, count_notes, counted_take
-from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of
+from choreograph.library.building.counting import Counting, counted_take, uncounted_notes
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.notes import Note
-from choreograph.library.songs import SongCache
-from choreograph.library.vocabulary import (
-    WORDS_PER_MOTIF,
-    Vocabulary,
-    Words,
-    find_motifs,
-    make_vocabulary,
-    segment_words,
-)
 from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import has_bones
@@ -46,10 +37,7 @@ from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 if TYPE_CHECKING:
-    from choreograph.nets.words import WordNet, WordTake
-
-# Takes are read, cleaned of jumps, retargeted to one skeleton, foot-locked and measured.
-
+    pass
 
 LEFT_OUT = "left out, as requested"
 
@@ -98,19 +86,11 @@ def measured_takes(
     check_takes(imported, options)
     first = imported.takes[0].motion.skeleton
     on_one = all(take.motion.skeleton.same_as(first) for take in imported.takes)
-    prepared = prepared_takes(
+    measured, jumps, count_notes = prepared_takes(
         imported.takes, options, report, counting, target=None if on_one else canonical_skeleton()
     )
-    notes = [*imported.notes(), *prepared.jumps, *([] if on_one else [Note("retargeted")])]
-    return prepared.measured, [*notes, *short_notes(prepared.measured), *prepared.count_notes]
-
-
-class PreparedTakes(NamedTuple):
-    """Takes without jumps on one skeleton, measured and perhaps counted, and notes."""
-
-    measured: list[MeasuredTake]
-    jumps: list[Note]
-    count_notes: list[Note]
+    notes = [*imported.notes(), *jumps, *([] if on_one else [Note("retargeted")])]
+    return measured, [*notes, *short_notes(measured), *count_notes]
 
 
 def prepared_takes(
@@ -120,30 +100,30 @@ def prepared_takes(
     counting: Counting | None = None,
     *,
     target: Skeleton | None,
-) -> PreparedTakes:
+) -> tuple[list[MeasuredTake], list[Note], list[Note]]:
     """The takes without jumps, on the skeleton `target` if there is one, with their features, and notes.
 
     With `counting`, those without counts are counted. All of this is one task for each take, since takes
-    are large and are sent to other processes.
+    are large and are sent to other processes. The notes are those on jumps, and those on counts.
     """
     songs = [None] * len(takes) if counting is None else counting.song_counts(takes)
     count = None if counting is None else partial(counted_take, counting.count_motion)
     measure = partial(_measured, target=target, lock=options.lock_feet)
     counter_key = b"" if counting is None else counting.key
-    measured, jumps, decisions = [], [], []
+    measured, jumps, counted = [], [], []
     each_take = each_cached(
         partial(_prepared, measure, count),
         zip(takes, songs, strict=True),
         key=lambda one: None if counter_key is None else key_of(measure, counter_key, *one),
         named=lambda one: one[0].name,
     )
-    for done, (one, jumps_of_one, decision) in enumerate(each_take):
+    for done, (one, jumps_of_one, note) in enumerate(each_take):
         measured.append(one)
         jumps += jumps_of_one
-        decisions += [decision] if decision is not None else []
+        counted += [note] if note is not None else []
         if report is not None:
             report("measuring", done + 1, len(takes))
-    return PreparedTakes(measured, jumps, [] if counting is None else count_notes(measured, decisions))
+    return measured, jumps, [] if counting is None else [*counted, *uncounted_notes(measured)]
 
 
 def kept_notes(kept: DiskCache, n_takes: int) -> list[Note]:
@@ -159,19 +139,23 @@ def short_notes(measured: Sequence[MeasuredTake]) -> list[Note]:
 
 def _prepared(
     measure: Callable[[Take], tuple[MeasuredTake, list[Note]]],
-    count: Callable[[MeasuredTake, Counts | None], tuple[MeasuredTake, CountDecision | None]] | None,
+    count: Callable[[MeasuredTake, Counts | None], tuple[MeasuredTake, Note | None]] | None,
     take_and_song: tuple[Take, Counts | None],
-) -> tuple[MeasuredTake, list[Note], CountDecision | None]:
-    """A take that was measured and perhaps counted, with notes and the decision on its counts."""
+) -> tuple[MeasuredTake, list[Note], Note | None]:
+    """A take that was measured and perhaps counted, with notes on its jumps and its counts."""
     take, song = take_and_song
     measured, jumps = measure(take)
-    counted, decision = (measured, None) if count is None else count(measured, song)
-    return counted, jumps, decision
+    counted, note = (measured, None) if count is None else count(measured, song)
+    return counted, jumps, note
 
 
 def _measured(take: Take, *, target: Skeleton | None, lock: bool) -> tuple[MeasuredTake, list[Note]]:
     """A take without jumps, on the skeleton `target` if there is one, with its features, and notes."""
-    take, notes = _without_jumps(take)
+    motion, n_jumps, limbs = without_jumps(take.motion)
+    notes = []
+    if n_jumps:
+        notes = [Note("jumps", take.name, {"jumps": n_jumps, "limbs": ", ".join(limbs)})]
+        take = replace(take, motion=motion, notes=(*take.notes, notes[0].text))
     if target is not None:
         take = replace(take, motion=retarget(take.motion, target))
     if lock:
@@ -200,7 +184,12 @@ def import_sources(sources: Sequence[Path], options: BuildOptions, report: Progr
                 found_excluded.add(found.name)
                 left_out.append(found)
             elif found.name in names:
-                skipped.append((source, _namesake(found, source)))
+                error = ParameterError(
+                    f"expected a name for each take, but two takes are called {found.name!r}: the sources "
+                    "overlap, or need other names"
+                )
+                path = found.source_paths[0] if found.source_paths else source
+                skipped.append((source, SkippedFile.damaged(path, error)))
             else:
                 names.add(found.name)
                 takes.append(found)
@@ -275,29 +264,11 @@ def is_short(n_frames: int) -> bool:
     return n_frames < CLIP_S * NET_FPS
 
 
-def _namesake(take: Take, source: Path) -> SkippedFile:
-    """A take that has the name of another, as skipped."""
-    error = ParameterError(
-        f"expected a name for each take, but two takes are called {take.name!r}: the sources overlap, or "
-        "need other names"
-    )
-    return SkippedFile.damaged(take.source_paths[0] if take.source_paths else source, error)
-
-
 def measure_take(take: Take) -> MeasuredTake:
     """A take with its body positions at 20 fps and its motion beats."""
     fine = body_pos_m(take.motion.resampled(STORE_FPS))
     coarse = body_pos_m(take.motion.resampled(NET_FPS)).astype(np.float32)
     return MeasuredTake(take, coarse, motion_beat_times_s(fine, STORE_FPS))
-
-
-def _without_jumps(take: Take) -> tuple[Take, list[Note]]:
-    """The take without one-frame jumps of its markers, and a note that says how many there were."""
-    motion, count, limbs = without_jumps(take.motion)
-    if count == 0:
-        return take, []
-    note = Note("jumps", take.name, {"jumps": count, "limbs": ", ".join(limbs)})
-    return replace(take, motion=motion, notes=(*take.notes, note.text)), [note]
 
 
 def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
@@ -307,91 +278,3 @@ def check_map_fits(takes: Sequence[Take], bone_map: Mapping[str, str]) -> None:
         names = max(rigs, key=lambda names: len(set(bone_map.values()) & set(names)))
         lacking = next(name for name in bone_map.values() if name not in names)
         raise unexpected("a take whose rig has all bones of the map", lacking, "no joint has this name")
-
-
-# Motion words of a library: takes are segmented on their counts, and motifs are found among the words.
-
-
-FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
-
-
-@dataclass(frozen=True, eq=False)
-class SegmentedTake:
-    """A take at `WORD_FPS` and its words, perhaps none."""
-
-    name: str  # of the take
-    genre: str  # of the take
-    body_pos_m: NDArray[np.float32]  # (T, 21, 3)
-    words: Words  # in order, perhaps none
-
-    def to_word_take(self) -> WordTake:
-        """The take as training data of the word network."""
-        from choreograph.nets.words import WordTake
-
-        return WordTake(self.name, self.body_pos_m, WORD_FPS, self.words.start_s, self.words.end_s)
-
-
-def segment_takes(
-    measured: Sequence[MeasuredTake],
-    songs: SongCache | None = None,
-    *,
-    report: ProgressReport | None = None,
-) -> tuple[list[SegmentedTake], list[Note]]:
-    """Every take segmented on its counts, and notes.
-
-    A take without counts is segmented on the beats of its music, by the default tracker, as in the paper
-    (section 3.3). Without music, or with fewer than two beats in its part of the song, it is segmented on its
-    motion beats. Counts are better, because music and motion of a recorded pair may not be aligned. Raises
-    `FormatError` if a song cannot be read.
-    """
-    songs = songs or SongCache()
-    segmented, notes = [], []
-    for index, m in enumerate(measured):
-        take = m.take
-        beats_s = m.motion_beats_s
-        if len(take.counts) > 1:
-            beats_s = take.counts.times_s
-        elif take.song_path is not None:
-            music_s = songs.analysed(take.song_path).beat_times_s - take.song_start_s
-            if np.sum((music_s >= 0) & (music_s <= take.motion.duration_s)) >= 2:
-                beats_s = music_s
-            else:
-                notes.append(Note("no music beats", take.name))
-        body = body_pos_m(take.motion.resampled(WORD_FPS)).astype(np.float32)
-        segmented.append(
-            SegmentedTake(take.name, take.credits.genre, body, segment_words(body, WORD_FPS, beats_s))
-        )
-        if report is not None:
-            report("segmenting takes", index + 1, len(measured))
-    return segmented, notes
-
-
-def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> Vocabulary:
-    """Embed the words and find motifs among them, and the templates and transitions of the genres."""
-    words = np.concatenate([take.words.body_pos_m for take in takes])  # (N, 13, 21, 3)
-    motifs, word_motif = find_motifs(net.embed(words), seed=seed)
-    table = word_table(takes)
-    return make_vocabulary(motifs, word_motif, table.take, table.start_s, table.end_s, table.take_genres)
-
-
-def keep_motifs(
-    takes: Sequence[SegmentedTake], kept: KeptMotifs, net: WordNet, bodies: Sequence[AnyFloats]
-) -> Vocabulary:
-    """Embed the words, give each the nearest of the kept motifs, and make templates and transitions.
-
-    `bodies` are the positions (T, 21, 3) of the takes at 20 fps.
-    """
-    words = word_table(takes)
-    motif = np.concatenate([kept.nearest(net.embed(take.words.body_pos_m)) for take in takes])
-    return kept.vocabulary(words, motif, embedder_of(words, bodies.__getitem__, net.embed))
-
-
-def word_table(takes: Sequence[SegmentedTake]) -> WordTable:
-    """The words of the takes."""
-    return WordTable(
-        np.repeat(np.arange(len(takes)), [len(take.words) for take in takes]),
-        np.concatenate([take.words.start_s for take in takes]),
-        np.concatenate([take.words.end_s for take in takes]),
-        [take.name for take in takes],
-        [take.genre for take in takes],
-    )

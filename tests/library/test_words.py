@@ -5,7 +5,7 @@ import pytest
 from synthetic_repertoire import synthetic_repertoire
 
 from choreograph.core.timebase import NET_FPS
-from choreograph.library.building.kept_motifs import KeptMotifs, WordTable, embedder_of, words_of_body
+from choreograph.library.building.words import KeptMotifs, WordTable, embedder_of, words_of_body
 from choreograph.motion.body import clips_to_root_frame
 
 CENTRES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], np.float32)

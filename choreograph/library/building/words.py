@@ -1,26 +1,90 @@
-"""Motifs that are kept from another repertoire: the motif of every word, and the word that is its medoid.
+"""The motion words of a build, and their motifs, which are found or kept from another repertoire.
 
-Motifs are kept where networks are, so that takes that are added have the motifs of the others, and so that
-repertoires with the same networks have the same motifs. A word has the motif whose embedding is nearest, as
-in a build that finds motifs. If the medoid of a motif is not among the words, the word of the motif that is
-nearest to it takes its place.
+Takes are segmented into words on their counts (`segment_takes`). Motifs are kept where networks are
+(`KeptMotifs`), so that takes that are added have the motifs of the others, and so that repertoires with the
+same networks have the same motifs. A word has the motif whose embedding is nearest, as in a build that finds
+motifs. If the medoid of a motif is not among the words, the word of the motif that is nearest to it takes its
+place.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.numerics import AnyFloats, Floats, Indices
-from choreograph.core.timebase import NET_FPS, WORD_FRAMES
+from choreograph.core.progress import ProgressReport
+from choreograph.core.timebase import NET_FPS, WORD_FPS, WORD_FRAMES
+from choreograph.library.notes import Note
 from choreograph.library.repertoire import Repertoire
-from choreograph.library.vocabulary import Motifs, Vocabulary, make_vocabulary, poses_at
-from choreograph.motion.body import clips_to_root_frame
+from choreograph.library.songs import SongCache
+from choreograph.library.vocabulary import (
+    WORDS_PER_MOTIF,
+    Motifs,
+    Vocabulary,
+    Words,
+    find_motifs,
+    make_vocabulary,
+    poses_at,
+    segment_words,
+)
+from choreograph.library.writing import MeasuredTake
+from choreograph.motion.body import body_pos_m, clips_to_root_frame
 
+if TYPE_CHECKING:
+    from choreograph.nets.words import WordNet
+
+FEWEST_WORDS = 2 * WORDS_PER_MOTIF  # enough for two motifs
 _SAME_S = 1e-6  # largest difference of the times of one word
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedTake:
+    """A take at `WORD_FPS` and its words, perhaps none."""
+
+    name: str  # of the take
+    genre: str  # of the take
+    body_pos_m: NDArray[np.float32]  # (T, 21, 3)
+    words: Words  # in order, perhaps none
+
+
+def segment_takes(
+    measured: Sequence[MeasuredTake],
+    songs: SongCache | None = None,
+    *,
+    report: ProgressReport | None = None,
+) -> tuple[list[SegmentedTake], list[Note]]:
+    """Every take segmented on its counts, and notes.
+
+    A take without counts is segmented on the beats of its music, by the default tracker, as in the paper
+    (section 3.3). Without music, or with fewer than two beats in its part of the song, it is segmented on its
+    motion beats. Counts are better, because music and motion of a recorded pair may not be aligned. Raises
+    `FormatError` if a song cannot be read.
+    """
+    songs = songs or SongCache()
+    segmented, notes = [], []
+    for index, m in enumerate(measured):
+        take = m.take
+        beats_s = m.motion_beats_s
+        if len(take.counts) > 1:
+            beats_s = take.counts.times_s
+        elif take.song_path is not None:
+            music_s = songs.analysed(take.song_path).beat_times_s - take.song_start_s
+            if np.sum((music_s >= 0) & (music_s <= take.motion.duration_s)) >= 2:
+                beats_s = music_s
+            else:
+                notes.append(Note("no music beats", take.name))
+        body = body_pos_m(take.motion.resampled(WORD_FPS)).astype(np.float32)
+        segmented.append(
+            SegmentedTake(take.name, take.credits.genre, body, segment_words(body, WORD_FPS, beats_s))
+        )
+        if report is not None:
+            report("segmenting takes", index + 1, len(measured))
+    return segmented, notes
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +98,15 @@ class WordTable:
     take_genres: Sequence[str]
 
     @classmethod
-    def none(cls) -> WordTable:
-        """No words of no takes."""
-        return cls(np.zeros(0, np.int64), np.zeros(0), np.zeros(0), (), ())
+    def of(cls, takes: Sequence[SegmentedTake]) -> WordTable:
+        """The words of the takes, perhaps none."""
+        return cls(
+            np.repeat(np.arange(len(takes)), [len(take.words) for take in takes]),
+            np.concatenate([np.zeros(0), *(take.words.start_s for take in takes)]),
+            np.concatenate([np.zeros(0), *(take.words.end_s for take in takes)]),
+            [take.name for take in takes],
+            [take.genre for take in takes],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +131,8 @@ class KeptMotifs:
 
     def nearest(self, embeddings: AnyFloats) -> Indices:
         """The motif (N,) of each word from its embedding (N, D)."""
-        return self._as_motifs().nearest(embeddings)
+        none = np.zeros(len(self.embeddings), np.int64)
+        return Motifs(self.embeddings, none, none).nearest(embeddings)
 
     def distances_m(self, embeddings: AnyFloats) -> Floats:
         """The distance (N,) of each word from its motif, from its embedding (N, D), in metres."""
@@ -72,10 +143,6 @@ class KeptMotifs:
         apart = np.asarray(embeddings, np.float64) - self.embeddings[motif]
         distances_m: Floats = np.sqrt(np.square(apart).sum(axis=1))
         return distances_m
-
-    def _as_motifs(self) -> Motifs:
-        none = np.zeros(len(self.embeddings), np.int64)
-        return Motifs(self.embeddings, none, none)
 
     def vocabulary(
         self, words: WordTable, word_motif: Indices, embed: Callable[[Indices], NDArray[np.float32]]
@@ -123,17 +190,37 @@ def words_of_body(body_pos_m: AnyFloats, start_s: Floats, end_s: Floats) -> Floa
 
 def embedder_of(
     words: WordTable,
-    body_pos_m: Callable[[int], AnyFloats],
+    body_of: Callable[[int], AnyFloats],
     embed: Callable[[AnyFloats], NDArray[np.float32]],
 ) -> Callable[[Indices], NDArray[np.float32]]:
     """Embeddings of words by their numbers, take by take, from the body positions of takes at 20 fps."""
 
     def of(numbers: Indices) -> NDArray[np.float32]:
         found = [
-            embed(words_of_body(body_pos_m(take), words.start_s[own], words.end_s[own]))
+            embed(words_of_body(body_of(take), words.start_s[own], words.end_s[own]))
             for take in np.unique(words.take[numbers]).tolist()
             for own in [numbers[words.take[numbers] == take]]
         ]
         return np.concatenate(found)
 
     return of
+
+
+def make_motifs(takes: Sequence[SegmentedTake], net: WordNet, *, seed: int) -> Vocabulary:
+    """Embed the words and find motifs among them, and the templates and transitions of the genres."""
+    words = np.concatenate([take.words.body_pos_m for take in takes])  # (N, 13, 21, 3)
+    motifs, word_motif = find_motifs(net.embed(words), seed=seed)
+    table = WordTable.of(takes)
+    return make_vocabulary(motifs, word_motif, table.take, table.start_s, table.end_s, table.take_genres)
+
+
+def keep_motifs(
+    takes: Sequence[SegmentedTake], kept: KeptMotifs, net: WordNet, bodies: Sequence[AnyFloats]
+) -> Vocabulary:
+    """Embed the words, give each the nearest of the kept motifs, and make templates and transitions.
+
+    `bodies` are the positions (T, 21, 3) of the takes at 20 fps.
+    """
+    words = WordTable.of(takes)
+    motif = np.concatenate([kept.nearest(net.embed(take.words.body_pos_m)) for take in takes])
+    return kept.vocabulary(words, motif, embedder_of(words, bodies.__getitem__, net.embed))
