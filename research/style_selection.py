@@ -20,6 +20,7 @@ import argparse
 from itertools import combinations
 from pathlib import Path
 
+import librosa
 import numpy as np
 import torch
 from scipy.signal import find_peaks
@@ -31,11 +32,8 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.evaluation.metrics.energy_response import motion_size
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.beats import cached_librosa
 from choreograph.music.song import load_song
 from choreograph.music.song_features import SongFeatures
-
-librosa = cached_librosa()
 
 GENRES = {"C": "cha-cha", "R": "rumba", "T": "tango", "W": "waltz"}
 SIZES = (512, 50)

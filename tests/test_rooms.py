@@ -61,7 +61,7 @@ HOMES: dict[str, tuple[str, ...] | None] = {
     "h11": ("studio.server",),
     "h5py": ("library.store", "library.writing"),
     "lazy_loader": ("", "evaluation"),
-    "librosa": ("music.beats",),
+    "librosa": ("music.beats", "evaluation.metrics.labels"),
     "matplotlib": ("view.motif_plots", "evaluation.plots"),
     "networkx": ("choreography.graph.planners",),
     "numba": ("core.kernel_cache",),

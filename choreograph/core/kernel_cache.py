@@ -4,21 +4,18 @@ numba's own cache is not safe when several processes compile at the same time. T
 compiled functions the same file name, or save the wrapper of a gufunc that calls the inner function by a name
 that only the other process has. A later run then crashes. A damaged file has the same effect. Here an entry
 is one file whose name depends on everything that the code depends on. It is written at once and read only if
-its checksum is right. One process compiles a kernel, and the others read the result. If no folder can be
-written, kernels are compiled in every run, and a note is logged.
+its checksum is right. One process compiles a kernel, and the others wait for it and read the result. If no
+folder can be written, kernels are compiled in every run, and a note is logged.
 
-numba has no public way to replace the files of its cache, so `kernel_cache` replaces three of its private
-names while functions are decorated. A gufunc without signatures, such as those of librosa 1.0, makes its
-wrapper when it is called, so its builder replaces them again then. `_why_not_replaced` first checks that
-they are as in the supported versions (0.60 to 0.68). With any other numba, nothing is cached, and a note is
-logged.
+numba has no public way to replace the files of its cache. The private names that are used instead are
+imported below, each with its reason. They are those of numba 0.60 to 0.68, the bounds in `pyproject.toml`.
+Functions of other programs keep numba's own cache.
 """
 
 from __future__ import annotations
 
 import hashlib
 import importlib
-import inspect
 import logging
 import os
 import pickle
@@ -32,6 +29,10 @@ from pathlib import Path
 from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numba
+from filelock import FileLock, Timeout
+from numba.core import caching  # where the files of a function's cache are, and how they are read and written
+from numba.core.runtime.nrt import rtsys  # what a kernel needs at least before it is loaded
+from numba.core.serialize import dumps  # compiled code contains functions, which pickle alone cannot write
 
 from choreograph.core import __version__
 from choreograph.core.errors import ChoreographError
@@ -40,32 +41,17 @@ from choreograph.core.files import atomic_path, cache_folder, sha256_of
 _DIGEST_BYTES = 32
 _WAIT_S = 60.0  # for another process that compiles, before this one does so beside it
 _MOST_PROCESSES = 2  # that compile beside this one, which waits for them after the first second
-_POLL_S = 0.05  # until it is looked again whether another process has compiled a kernel
+_POLL_S = 0.05  # until it is looked again whether another process has ended
+_OTHERS = ("librosa",)  # packages whose kernels are kept, too, if they are compiled after this import
 _WRAPPER = "guf-"  # begins the names of gufuncs' wrappers
-# The private names of numba that are used here, each with the parameters that it must have.
-_PRIVATE = {
-    "core.caching.IndexDataCacheFile": ["cache_path", "filename_base", "source_stamp"],
-    "core.caching.IndexDataCacheFile.load": ["self", "key"],
-    "core.caching.IndexDataCacheFile.save": ["self", "key", "data"],
-    "core.caching.IndexDataCacheFile.flush": ["self"],
-    "core.caching.Cache._index_key": ["self", "sig", "codegen"],
-    "core.caching.Cache._load_overload": ["self", "sig", "target_context"],
-    "core.caching.Cache.load_overload": ["self", "sig", "target_context"],
-    "core.runtime.nrt.rtsys.initialize": ["ctx"],
-    "core.serialize.dumps": ["obj"],
-    "core.sigutils.normalize_signature": ["sig"],
-    "np.ufunc.gufunc.GUFuncBuilder.build_ufunc": ["self"],
-}
-_LOCATOR_METHODS = {"get_cache_path", "get_disambiguator", "get_source_stamp"}
-_DECORATORS = ("jit", "njit", "vectorize", "guvectorize")  # that take `cache=True`
 
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 _Key = tuple[Any, ...]  # of an entry: a signature first, then the processor and the function's bytecode
 
 _log = logging.getLogger("choreograph")
-_patching = threading.RLock()
 _ahead: dict[Any, str] = {}  # kernels and their signatures
+_sources: set[str] = set()  # files with kernels of `njit`
 
 
 def njit(
@@ -74,20 +60,20 @@ def njit(
     """`numba.njit`, cached here. `compiled_ahead` compiles a kernel for the signature `ahead`."""
 
     def compiled(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
-        with kernel_cache():
-            decorated: Callable[_Parameters, _Result] = numba.njit(cache=True, **options)(function)
-        if _why_not_replaced() is None:
-            decorated._cache.load_overload = partial(_loaded, decorated._cache)  # type: ignore[attr-defined]
+        _sources.add(function.__code__.co_filename)
+        decorated: Any = numba.njit(cache=True, **options)(function)
+        # Its own way to load also imports what only compilation needs, which takes 0.3 s.
+        decorated._cache.load_overload = partial(_loaded, decorated._cache)
         if ahead is not None:
             _ahead[decorated] = ahead
-        return decorated
+        kernel: Callable[_Parameters, _Result] = decorated
+        return kernel
 
     return compiled
 
 
 def _loaded(cache: Any, signature: Any, context: Any) -> Any:
-    """As numba's `Cache.load_overload`, without what only compilation needs, which takes 0.3 s to import."""
-    _private("core.runtime.nrt.rtsys.initialize")(context)
+    rtsys.initialize(context)
     return cache._load_overload(signature, context)
 
 
@@ -107,10 +93,10 @@ def compiled_ahead(*modules: str) -> Iterator[None]:
     processes = _compiling_processes(kernels)
 
     def load_all() -> None:
+        while any(process.poll() is None for process in processes):
+            if ended.wait(_POLL_S):
+                return
         for kernel, ahead in kernels.items():
-            while any(one.poll() is None for one in processes) and not _is_kept(kernel, ahead):
-                if ended.wait(_POLL_S):
-                    return
             if ended.is_set():
                 return
             kernel.compile(_argument_types(ahead))
@@ -126,24 +112,19 @@ def compiled_ahead(*modules: str) -> Iterator[None]:
             process.communicate()  # closes its input, which ends it
 
 
-def _argument_types(signature: Any) -> Any:
-    """The argument types of a signature, as calls have them."""
-    return _private("core.sigutils.normalize_signature")(signature)[0]
-
-
-def _is_kept(kernel: Any, ahead: str) -> bool:
-    """Whether the cache has the code of a kernel for a signature."""
-    cache = kernel._cache
-    path = cache._cache_file._path(cache._index_key(_argument_types(ahead), kernel.targetctx.codegen()))
-    return path is not None and path.exists()
+def _argument_types(signature: Any) -> tuple[Any, ...]:
+    """The argument types of a signature, as calls have them. It may be text, or have a type of the result."""
+    found = eval(signature, {}, vars(numba.types)) if isinstance(signature, str) else signature
+    return tuple(getattr(found, "args", found))
 
 
 def _compiling_processes(kernels: Mapping[Any, str]) -> list[subprocess.Popen[bytes]]:
     """Processes that compile kernels that are not in the cache, if it can be used, until their input ends."""
     processes: list[subprocess.Popen[bytes]] = []
-    if _why_not_replaced() is not None or _folder() is None or "python" not in Path(sys.executable).name:
+    folder = _folder()
+    if folder is None or "python" not in Path(sys.executable).name:
         return processes
-    missing = [(one.__module__, one.__name__) for one, ahead in kernels.items() if not _is_kept(one, ahead)]
+    missing = [(one.__module__, one.__name__) for one in kernels if not _is_kept(one, folder)]
     same = {"PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_CACHE_DIR": _given_folder()}
     n = min(_MOST_PROCESSES, os.cpu_count() or 1, len(missing))
     with suppress(OSError):
@@ -154,6 +135,12 @@ def _compiling_processes(kernels: Mapping[Any, str]) -> list[subprocess.Popen[by
                 stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             ))  # fmt: skip
     return processes
+
+
+def _is_kept(kernel: Any, folder: Path) -> bool:
+    """Whether the cache has code of a kernel. It may be of older sources, which are compiled when loaded."""
+    entries = (folder / kernel.stats.cache_path).glob(f"*.{kernel.__qualname__}-*.py*")
+    return any(entry.suffix != ".lock" for entry in entries)
 
 
 def compile_while_wanted(names: Sequence[tuple[str, str]]) -> None:
@@ -169,104 +156,31 @@ def compile_while_wanted(names: Sequence[tuple[str, str]]) -> None:
         if ended.is_set():
             return
         kernel = getattr(importlib.import_module(module), name)
-        if not _is_kept(kernel, _ahead[kernel]):
-            kernel.compile(_argument_types(_ahead[kernel]))
+        kernel.compile(_argument_types(_ahead[kernel]))
 
 
-@contextmanager
-def kernel_cache() -> Iterator[None]:
-    """Caches the functions that the block defines with numba's `cache=True`, such as those of librosa."""
-    with _patching:
-        why_not = _why_not_replaced()
-        if why_not is None:
-            replaced: list[tuple[Any, str, Any]] = [
-                (_private("core.caching"), "IndexDataCacheFile", _Entries),
-                (_private("core.caching.CacheImpl"), "_locator_classes", [_Locator]),
-                (_private("np.ufunc.gufunc"), "GUFuncBuilder", _builder()),
-            ]
-        else:
-            _note_once(f"compiled code is not kept, every run compiles it again: {why_not}")
-            replaced = [(numba, name, _uncached(getattr(numba, name))) for name in _DECORATORS]
-        kept = [getattr(owner, name) for owner, name, _ in replaced]
-        try:
-            for owner, name, value in replaced:
-                setattr(owner, name, value)
-            yield
-        finally:
-            for (owner, name, _), value in zip(replaced, kept, strict=True):
-                setattr(owner, name, value)
-
-
-@lru_cache(maxsize=1)
-def _why_not_replaced() -> str | None:
-    """The first private name of numba that is not as expected, or None if all are."""
-    version = f"numba {numba.__version__} is not a known version"
-    for path, parameters in _PRIVATE.items():
-        found = _private(path)
-        if not callable(found) or list(inspect.signature(found).parameters) != parameters:
-            return f"{version} (numba.{path})"
-    locators = _private("core.caching.CacheImpl._locator_classes")
-    if not isinstance(locators, list) or not all(set(dir(one)) >= _LOCATOR_METHODS for one in locators):
-        return f"{version} (numba.core.caching.CacheImpl._locator_classes)"
-    return None
-
-
-def _private(path: str) -> Any:
-    """The object of this name within `numba`, or None if there is none."""
-    import numba.core.caching
-    import numba.core.runtime.nrt
-    import numba.core.serialize
-    import numba.core.sigutils
-    import numba.np.ufunc.gufunc
-
-    found: Any = numba
-    for name in path.split("."):
-        found = getattr(found, name, None)
-    return found
-
-
-@lru_cache(maxsize=1)
-def _builder() -> type:
-    """numba's builder of gufuncs, except that what it compiles at a later call is kept here, too."""
-    builder: Any = _private("np.ufunc.gufunc.GUFuncBuilder")
-
-    def build_ufunc(self: Any) -> Any:
-        with kernel_cache():  # before numba's own lock, as wherever functions are decorated
-            return builder.build_ufunc(self)
-
-    return type("_Builder", (builder,), {"build_ufunc": build_ufunc})
-
-
-def _uncached(decorator: Callable[..., Any]) -> Callable[..., Any]:
-    """A decorator of numba that ignores `cache=True`."""
-
-    def decorate(*arguments: Any, **options: Any) -> Any:
-        return decorator(*arguments, **{**options, "cache": False})
-
-    return decorate
+class _Folder(str):
+    """A folder in the cache, for each folder of sources."""
 
 
 class _Locator:
-    """Tells numba where the entries of a function are. It does not check whether they can be written.
-
-    Has the methods of numba's own locators.
-    """
+    """Tells numba where the entries of our functions are. Has the methods of numba's own locators."""
 
     def __init__(self, py_func: Callable[..., object], py_file: str) -> None:
         self._source = Path(py_file)
         self._lineno = py_func.__code__.co_firstlineno
 
     @classmethod
-    def from_function(cls, py_func: Callable[..., object], py_file: str) -> _Locator:
-        return cls(py_func, py_file)
+    def from_function(cls, py_func: Callable[..., object], py_file: str) -> _Locator | None:
+        is_kept = py_file in _sources or py_func.__module__.partition(".")[0] in _OTHERS
+        return cls(py_func, py_file) if is_kept else None
 
     def ensure_cache_path(self) -> None:
         """Does nothing, since the folder is made when an entry is written."""
 
     def get_cache_path(self) -> str:
-        """A folder in the cache, for each folder of sources."""
         sources = self._source.absolute().parent
-        return f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:32]}"
+        return _Folder(f"{sources.name}_{hashlib.sha256(str(sources).encode()).hexdigest()[:32]}")
 
     def get_source_stamp(self) -> str:
         return sha256_of(self._source)
@@ -276,14 +190,14 @@ class _Locator:
 
 
 class _Entries:
-    """The entries of one function, one for each signature. It replaces numba's `IndexDataCacheFile`.
+    """The entries of one function, one for each signature. Has the methods of numba's `IndexDataCacheFile`.
 
     numba loads, and after a miss compiles and saves. From the miss to the saving this process has the lock of
-    the entry.
+    the entry. Entries are safe without a lock, which only saves work.
     """
 
     _loaded: ClassVar[dict[tuple[str, str, str], str]] = {}  # digests of this process's entries
-    _locks: ClassVar[dict[Path, Any]] = {}  # of the entries that this process compiles
+    _locks: ClassVar[dict[Path, FileLock]] = {}  # of the entries that this process compiles
 
     def __init__(self, cache_path: str, filename_base: str, source_stamp: object) -> None:
         self._subfolder, self._name, self._stamp = cache_path, filename_base, source_stamp
@@ -297,41 +211,26 @@ class _Entries:
         if path is None:
             return None
         payload = _read(path)
-        if payload is None:
-            payload = self._read_or_lock(path)
+        if payload is None and path not in self._locks:
+            with suppress(OSError, NotImplementedError, Timeout):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                lock = FileLock(path.with_name(f"{path.name}.lock"), timeout=_WAIT_S, thread_local=False)
+                lock.acquire()
+                self._locks[path] = lock
+            payload = _read(path)  # which another process may have compiled
+            if payload is not None:
+                self._unlock(path)
         if payload is None:
             return None
         self._note(key, payload)
         return pickle.loads(payload)
-
-    def _read_or_lock(self, path: Path) -> bytes | None:
-        """An entry that another process compiles now, or None with its lock, or without after `_WAIT_S`."""
-        from filelock import Timeout
-
-        with suppress(OSError, NotImplementedError):  # entries are safe without a lock
-            lock = _lock_of(path)
-            for _ in range(round(_WAIT_S / _POLL_S)):
-                with suppress(Timeout):
-                    lock.acquire()
-                    self._locks[path] = lock
-                payload = _read(path)
-                if payload is not None:
-                    self._unlock(path)
-                if payload is not None or path in self._locks:
-                    return payload
-        return None
-
-    def _unlock(self, path: Path) -> None:
-        lock = self._locks.pop(path, None)
-        if lock is not None:
-            lock.release()
 
     def save(self, key: _Key, data: Any) -> None:
         """Write an entry. Logs a note if that fails."""
         path = self._path(key)
         if path is None:
             return
-        payload: bytes = _private("core.serialize.dumps")(data)
+        payload: bytes = dumps(data)  # type: ignore[no-untyped-call]
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_path(path) as temporary:
@@ -341,6 +240,11 @@ class _Entries:
             _note_once(f"compiled code is not kept, every run compiles it again: {error}")
         finally:
             self._unlock(path)
+
+    def _unlock(self, path: Path) -> None:
+        lock = self._locks.pop(path, None)
+        if lock is not None:
+            lock.release()
 
     def _note(self, key: _Key, payload: bytes) -> None:
         types = str(_argument_types(key[0]))
@@ -358,6 +262,17 @@ class _Entries:
         return folder / self._subfolder / f"{self._name}.{depends_on.hexdigest()[:32]}"
 
 
+def _entries(cache_path: str, filename_base: str, source_stamp: object) -> Any:
+    kind = _Entries if isinstance(cache_path, _Folder) else _OTHER_ENTRIES
+    return kind(cache_path=cache_path, filename_base=filename_base, source_stamp=source_stamp)
+
+
+_of_numba: Any = caching
+_OTHER_ENTRIES = _of_numba.IndexDataCacheFile
+_of_numba.IndexDataCacheFile = _entries
+_of_numba.CacheImpl._locator_classes.insert(0, _Locator)
+
+
 def _read(path: Path) -> bytes | None:
     """An entry without its checksum, or None if it does not exist or the checksum is wrong."""
     try:
@@ -368,14 +283,6 @@ def _read(path: Path) -> bytes | None:
         return content[_DIGEST_BYTES:]
     _note_once(f"compiled code in {path.parent.parent} was damaged: it is compiled again")
     return None
-
-
-def _lock_of(path: Path) -> Any:
-    """A lock for the process that compiles an entry."""
-    from filelock import FileLock
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return FileLock(path.with_name(f"{path.name}.lock"), timeout=_POLL_S, thread_local=False)
 
 
 @lru_cache(maxsize=1)

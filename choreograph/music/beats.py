@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from choreograph.core.counts import ANNOTATED, MAX_METRE, Counts
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import MAX_TABLE_BYTES, read_text
-from choreograph.core.kernel_cache import kernel_cache
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
 from choreograph.music._kernels import best_beat_sequence
@@ -162,37 +160,13 @@ class LibrosaBeats:
         return librosa_beats(log_mel, song.duration_s)
 
 
-def cached_librosa(*, with_beats: bool = False) -> ModuleType:
-    """librosa, whose compiled kernels are kept by `kernel_cache`.
-
-    librosa compiles some kernels when their module is imported, and imports its modules when they are first
-    used. So all modules with kernels are imported here. Its beat tracker takes a second more.
-    """
-    with kernel_cache():
-        import librosa
-        import librosa.core.audio
-        import librosa.core.constantq
-        import librosa.core.notation
-        import librosa.core.pitch
-        import librosa.core.spectrum
-        import librosa.feature.utils
-        import librosa.filters
-        import librosa.segment
-        import librosa.sequence
-        import librosa.util.matching
-        import librosa.util.utils
-
-        if with_beats:
-            import librosa.beat
-    return librosa
-
-
 def librosa_beats(log_mel: NDArray[np.floating], duration_s: float) -> NDArray[np.float64]:
     """Beats in seconds, (Q,), of log-mel (T, 96) at 60 fps, or empty if silent. See `LibrosaBeats`."""
     strength = level_normalized(onset_envelopes(log_mel).mean(axis=1)).astype(np.float32)  # (T,)
     if not strength.any():
         return np.zeros(0)
-    librosa = cached_librosa(with_beats=True)
+    import librosa  # takes seconds, and is not needed by the default tracker
+
     bpm = librosa.feature.tempo(
         onset_envelope=strength,
         sr=MUSIC_FPS,

@@ -29,7 +29,6 @@ import choreograph as cg
 from choreograph.choreography.graph import engine as graph_engine
 from choreograph.choreography.graph import forward, kernels
 from choreograph.choreography.graph.warping import subsequence_dtw
-from choreograph.music.beats import cached_librosa
 
 SONGS_S = (60.0, 180.0)
 ENGINES = ("graph", "mixer", "rollout")
@@ -74,7 +73,8 @@ def stage_table(songs: dict[float, Path], repertoire: cg.Repertoire) -> list[str
 
 def warps() -> tuple[float, float]:
     """Our subsequence DTW of 512 clips, and librosa's in a loop over 16 of them, times 32."""
-    librosa = cached_librosa()
+    import librosa
+
     rng = np.random.default_rng(0)
     query, targets = rng.random(80, np.float32), rng.random((N_WARPS, 160), np.float32)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import librosa
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,9 +12,6 @@ from hypothesis.extra.numpy import arrays
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
-from choreograph.music.beats import cached_librosa
-
-librosa = cached_librosa()
 
 finite = st.floats(-4, 4, width=32)
 queries = arrays(np.float32, st.integers(2, 40), elements=finite)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import librosa
 import numpy as np
 import pytest
 import soxr
@@ -13,12 +14,10 @@ from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
 from choreograph.music import bars
 from choreograph.music.bars import ACCENT_NAMES, REPEAT_NAMES, beat_evidence, best_bars, track_bars
-from choreograph.music.beats import cached_librosa, tempo_path_beats
+from choreograph.music.beats import tempo_path_beats
 from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS
-
-librosa = cached_librosa()
 
 N = np.arange(5000) / SAMPLE_RATE_HZ
 KICK = np.sin(2 * np.pi * 55 * N) * np.exp(-10 * N)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
+import librosa
 import numpy as np
 import pytest
 
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music import constant_q
-from choreograph.music.beats import cached_librosa
 from choreograph.music.mel import mel_band_hz, mel_filterbank
-
-librosa = cached_librosa()
 
 RATE = {"sr": SAMPLE_RATE_HZ}
 BINS = {"bins_per_octave": constant_q.BINS_PER_OCTAVE}

@@ -2,13 +2,13 @@
 
 from itertools import pairwise
 
+import librosa
 import numpy as np
 import pytest
 
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.structure import repeat_f
-from choreograph.music.beats import cached_librosa
 from choreograph.music.form import (
     CountDistances,
     Form,
@@ -22,8 +22,6 @@ from choreograph.music.form import (
 from choreograph.music.spectral import SPECTRAL_DIM, spectral_features
 from content.songs.known_forms import HELD_OUT_FORMS
 from research.song_forms import ids_of
-
-librosa = cached_librosa()
 
 N_COUNTS = 16  # in a phrase
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import librosa
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,11 +10,8 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.beats import cached_librosa
 from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
 from choreograph.music.mel import loudness, scaled
-
-librosa = cached_librosa()
 
 FRAME = 735  # samples
 TEMPOGRAM, ONSET, RMS, BEAT = range(len(FRAME_RHYTHM_NAMES))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from itertools import pairwise
 
+import librosa
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,11 +14,8 @@ from hypothesis import strategies as st
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.beats import cached_librosa
 from choreograph.music.mel import loudness, scaled
 from choreograph.music.spectral import SPECTRAL_COLUMNS, SPECTRAL_DIM, spectral_features
-
-librosa = cached_librosa()
 
 pytestmark = pytest.mark.slow
 

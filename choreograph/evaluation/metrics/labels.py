@@ -37,11 +37,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from choreograph.core import kernel_cache  # noqa: F401 (keeps the kernels of librosa)
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.timebase import MUSIC_FPS, NET_FPS, SAMPLE_RATE_HZ, SEGMENT_S, frames_to_seconds
 from choreograph.motion.body import BODY_JOINTS, BODY_PARENTS, body_pos_at
-from choreograph.music.beats import cached_librosa
 from choreograph.music.mel import log_mel, mel_band_hz, onset_envelopes
 
 PAIRS = ("openness", "intensity", "rhythm", "asymmetry")
@@ -249,7 +249,9 @@ def _onset_times_s(mel: NDArray[np.floating]) -> Floats:
     strength = onset_envelopes(mel).mean(axis=1)
     if not strength.any():
         return np.zeros(0)
-    frames = cached_librosa().onset.onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
+    import librosa
+
+    frames = librosa.onset.onset_detect(onset_envelope=strength, sr=MUSIC_FPS, hop_length=1)
     return frames_to_seconds(frames, MUSIC_FPS)
 
 
@@ -257,7 +259,9 @@ def _notes_semitones(samples: NDArray[np.float32], onsets_s: Floats) -> Floats:
     """Median fundamental just after each onset, (O,), in whole semitones above 1 Hz."""
     if len(onsets_s) == 0:
         return np.zeros(0)
-    hz = cached_librosa().yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
+    import librosa
+
+    hz = librosa.yin(samples, fmin=_MIN_HZ, fmax=_MAX_HZ, sr=SAMPLE_RATE_HZ, hop_length=_PITCH_HOP)
     pitch = 12 * np.log2(hz)
     first = np.minimum((onsets_s * SAMPLE_RATE_HZ / _PITCH_HOP).astype(np.int64), len(pitch) - 1)
     return np.array([np.rint(np.median(pitch[frame : frame + _NOTE_FRAMES])) for frame in first])
