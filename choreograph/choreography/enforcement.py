@@ -1,8 +1,13 @@
-"""Pinned, banned and kept motion in a dance. Words are replaced until the rendered motion has it."""
+"""Pinned, banned and kept motion in a dance.
+
+A rendered dance is segmented at its words to find the motif that each of them shows. Where a pinned motif is
+not danced, or a banned one is, `Repairs` has words of takes. `choreograph.pipeline.planning` renders them and
+asks again. At the borders of what is kept of another dance, costs lead from and to the poses there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -109,42 +114,62 @@ def without_distant(
 # Pinned and banned motifs. Words of takes replace motion that violates them, until none does.
 
 
-WithWords = Callable[[tuple[PlannedWord, ...]], tuple[Plan, Motion]]
+class Repairs:
+    """Words of takes for the slots of a dance where pinned motifs are not danced or banned ones are.
 
-
-def enforce_motifs(
-    plan: Plan,
-    motion: Motion,
-    constraints: ResolvedConstraints,
-    repertoire: Repertoire,
-    with_words: WithWords,
-) -> tuple[Plan, Motion]:
-    """The plan with words where pinned motifs are not danced or banned ones are, and its motion.
-
-    Each word is the one with the best transitions from and to the dance around it. `with_words` renders the
-    result, which is checked. A word that no longer shows its motif, or makes another slot wrong, is replaced
-    by the next best.
-
-    Raises `NoPathError` naming the motif and the time for which no word is left.
+    Each word is the one with the best transitions from and to the dance around it. A word that does not show
+    its motif in the rendered dance, or makes another slot wrong, is replaced by the next best.
     """
-    pool = CandidatePool.of(constraints, repertoire, np.random.default_rng(plan.seed))
-    surroundings = _Surroundings(body_pos_m(motion), motion.fps)
-    candidates: dict[int, Candidates] = {}
-    chosen: dict[int, int] = {}
-    enforced = plan
-    while True:
-        danced = danced_motifs(motion, constraints.bounds_s, repertoire, constraints.motifs)
-        wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
+
+    def __init__(
+        self, plan: Plan, motion: Motion, constraints: ResolvedConstraints, repertoire: Repertoire
+    ) -> None:
+        self._plan, self._constraints, self._repertoire = plan, constraints, repertoire
+        self._pool = CandidatePool.of(constraints, repertoire, np.random.default_rng(plan.seed))
+        self._body, self._fps = body_pos_m(motion), motion.fps
+        self._candidates: dict[int, Candidates] = {}
+        self._chosen: dict[int, int] = {}
+
+    def words(self, embeddings: NDArray[np.float32]) -> tuple[PlannedWord, ...] | None:
+        """The words for a dance whose words have these embeddings (N, D), or None if nothing is wrong.
+
+        They are those for what was wrong before as well. Raises `NoPathError` naming the motif and the time
+        for which no word is left.
+        """
+        constraints, repertoire = self._constraints, self._repertoire
+        nearest = motifs_of_embeddings(embeddings, repertoire)
+        danced = without_distant(nearest, embeddings, constraints.motifs, repertoire)
+        wrong = [
+            slot for slot in violated_slots(danced, constraints) if is_danced(slot, self._plan, constraints)
+        ]
         if not wrong:
-            return enforced, motion
+            return None
         for slot in wrong:
-            here = candidates.get(slot) or surroundings.candidates(pool, slot)
-            candidates[slot] = here.without(chosen[slot]) if slot in chosen else here
-            if not candidates[slot].any_left:
+            here = self._candidates.get(slot) or self._near(slot)
+            self._candidates[slot] = here.without(self._chosen[slot]) if slot in self._chosen else here
+            if not self._candidates[slot].any_left:
                 raise NoPathError(no_word_left(slot, constraints))
-        chosen = _chosen(candidates)
-        words = tuple(pool.planned(slot, word, pinned=True) for slot, word in sorted(chosen.items()))
-        enforced, motion = with_words(words)
+        self._chosen = {}
+        for slots in consecutive_slots(dict.fromkeys(self._candidates)):  # chosen together
+            words = search_words([self._candidates[slot] for slot in slots])
+            self._chosen.update(zip(slots, words.tolist(), strict=True))
+        return tuple(
+            self._pool.planned(slot, word, pinned=True) for slot, word in sorted(self._chosen.items())
+        )
+
+    def _near(self, slot: int) -> Candidates:
+        """The words for a slot. The distance from the dance at both borders adds to their cost."""
+        here = self._pool.candidates(slot, self._constraints.motifs.get(slot))
+        start_s, end_s = self._constraints.bounds_s[slot : slot + 2]
+        distance_m = self._distance_m(here.first_m, start_s) + self._distance_m(here.last_m, end_s)
+        return replace(here, cost_m=here.cost_m + distance_m)
+
+    def _distance_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
+        danced_m = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
+        distance_m: NDArray[np.floating] = np.sqrt(
+            np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2))
+        )
+        return distance_m
 
 
 def is_danced(slot: int, plan: Plan, constraints: ResolvedConstraints) -> bool:
@@ -174,36 +199,6 @@ def no_word_left(slot: int, constraints: ResolvedConstraints) -> str:
             "motif: pin it at another time, or pin another motif"
         )
     return f"no word without a banned motif can be danced at {at}: ban fewer motifs"
-
-
-def _chosen(candidates: dict[int, Candidates]) -> dict[int, int]:
-    """The word of every slot. Words of consecutive slots are chosen together."""
-    chosen: dict[int, int] = {}
-    for slots in consecutive_slots(dict.fromkeys(candidates)):
-        words = search_words([candidates[slot] for slot in slots])
-        chosen.update(zip(slots, words.tolist(), strict=True))
-    return chosen
-
-
-class _Surroundings:
-    """The dance around words, for its poses at their borders."""
-
-    def __init__(self, body: NDArray[np.float64], fps: float) -> None:
-        self._body, self._fps = body, fps
-
-    def candidates(self, pool: CandidatePool, slot: int) -> Candidates:
-        """The words for a slot. The distance from the dance at both borders adds to their cost."""
-        here = pool.candidates(slot, pool.constraints.motifs.get(slot))
-        start_s, end_s = pool.constraints.bounds_s[slot : slot + 2]
-        distance_m = self._distance_m(here.first_m, start_s) + self._distance_m(here.last_m, end_s)
-        return replace(here, cost_m=here.cost_m + distance_m)
-
-    def _distance_m(self, poses_m: NDArray[np.floating], at_s: float) -> NDArray[np.floating]:
-        danced_m = clips_to_root_frame(poses_at(self._body, self._fps, at_s + AROUND_S))  # (3, 21, 3)
-        distance_m: NDArray[np.floating] = np.sqrt(
-            np.square(poses_m - danced_m).sum(axis=-1).mean(axis=(1, 2))
-        )
-        return distance_m
 
 
 # The borders of the parts that are kept of another dance, and the poses there.

@@ -12,6 +12,7 @@ from pkgutil import resolve_name
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.graph.cost import Cost
@@ -20,7 +21,7 @@ from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.arguments import check_choice, unexpected
 from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats
+from choreograph.core.numerics import AnyFloats, Floats
 from choreograph.core.plugins import installed
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
@@ -152,13 +153,31 @@ def amplitudes(energy: AnyFloats, strength: float, fixed: Collection[int] = ()) 
 
 
 @dataclass(frozen=True, eq=False)
+class Check:
+    """Words of a plan that have to show certain motifs once it is rendered.
+
+    `again` gets the rendered motion and the embedding of each word (N, D), nan for one that is too short. It
+    returns another plan, or a final one with its motion, and raises `NoPathError` if none is left.
+    """
+
+    bounds_s: Floats  # (N + 1,) of the words in the dance
+    again: Callable[[Motion, NDArray[np.float32]], EngineResult]
+
+
+@dataclass(frozen=True, eq=False)
 class EngineResult:
-    """A final plan, transitions and their times included, and notes on what was unusual."""
+    """A plan, transitions and their times included, and notes on what was unusual.
+
+    It is final unless it has a `check`. `choreograph.pipeline.planning` renders it.
+    """
 
     plan: Plan
     notes: tuple[str, ...] = ()  # one line each
-    motion: Motion | None = None  # the rendered plan, if the engine rendered it
     unmet: tuple[str, ...] = ()  # what was requested and is not danced, one line each
+    motion: Motion | None = None  # the rendered plan, if it was rendered before
+    generated: Motion | None = None  # what a network dances, without the stops and amplitudes of the plan
+    over: Motion | None = None  # a rendered dance, over which the words of takes in the plan are laid
+    check: Check | None = None  # of the rendered plan
     costs_of: Callable[[], list[dict[str, float]]] | None = None  # of the seconds, if `plan` lacks them
 
     def with_costs(self) -> EngineResult:
@@ -190,7 +209,10 @@ class Engine(Protocol):
         """
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """Plan the dance. Raise `NoPathError` if the constraints leave none."""
+        """Plan the dance. Raise `NoPathError` if the constraints leave none.
+
+        A plan that has to show certain motifs may have a `Check`, by which the engine is asked again.
+        """
 
 
 def engines() -> dict[str, Engine]:

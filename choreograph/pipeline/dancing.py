@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
@@ -28,7 +28,7 @@ from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
-from choreograph.core.free_memory import LONG_S, memory_returned
+from choreograph.core.free_memory import memory_returned
 from choreograph.core.kernel_cache import compiled_ahead
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
@@ -46,17 +46,16 @@ from choreograph.pipeline.figures import danced_figures, figures_from
 from choreograph.pipeline.keeping import (
     ExistingDance,
     check_same_song,
-    fill,
     kept_parts,
     moved_pins,
     part_of,
     read_existing,
 )
+from choreograph.pipeline.planning import FirstPart, fill, plan_and_render
 from choreograph.pipeline.saving import SavedParts, check_options, save_dance
 from choreograph.plan.plan import Plan
 from choreograph.render.assembly import off_stage
 from choreograph.render.filled_gaps import LoopedMotion, looped
-from choreograph.render.rendering import FirstPart, render_planned
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
@@ -282,32 +281,23 @@ def dance_with(
     memory: Memory,
     song: str | Path | Song,
     repertoire: str | Path | Repertoire | None = None,
-    *,
-    genre: str | None = None,
-    signature: Sequence[float] | NDArray[np.floating[Any]] | None = None,
-    motifs: Sequence[int] | Sequence[MotifPin] = (),
-    pins: Sequence[Pin] = (),
-    bans: Sequence[Ban] = (),
-    keep: Sequence[Keep] = (),
-    existing: str | Path | Dance | None = None,
-    costs: Sequence[Cost] = (),
-    start_s: float | None = None,
-    duration_s: float | None = None,
-    config: DanceConfig = DEFAULTS,
-    report: ProgressReport | None = None,
     first: FirstPart | None = None,
-    **settings: Unpack[DanceSettings],
+    **arguments: Unpack[DanceArguments],
 ) -> Dance:
     """As `dance`, with a memory for this repertoire. A `first` part is shown once it is rendered."""
-    requested = make_constraints(genre=genre, signature=signature, motifs=motifs, pins=pins, bans=bans)
-    costs = as_list("costs", costs, "Cost", Cost)
-    config = _configured(as_config(config), settings, requested, costs)
+    given: dict[str, Any] = {**(dance.__kwdefaults__ or {}), **arguments}
+    names = ("genre", "signature", "motifs", "pins", "bans")
+    requested = make_constraints(**{name: given.pop(name) for name in names})
+    report, start_s, duration_s = (given.pop(name) for name in ("report", "start_s", "duration_s"))
+    costs = as_list("costs", given.pop("costs"), "Cost", Cost)
+    keep = as_list("keep", given.pop("keep"), "Keep", Keep)
+    existing = given.pop("existing")
+    config = _configured(as_config(given.pop("config")), given, requested, costs)
     check_span(0.0 if start_s is None else start_s, duration_s)
     check_function("report", report)
-    keep = as_list("keep", keep, "Keep", Keep)
     repertoire = as_repertoire(repertoire)
     known = _as_existing(existing, keep, repertoire)
-    if known is not None and "fps" not in settings:
+    if known is not None and "fps" not in given:
         config = replace(config, fps=known.motion.fps)
     engine = engine_named(config.engine)
     engine.check(repertoire, config, requested, costs)
@@ -322,7 +312,7 @@ def dance_with(
 
 
 def _configured(
-    config: DanceConfig, settings: DanceSettings, requested: Constraints, costs: Sequence[Cost]
+    config: DanceConfig, settings: Mapping[str, Any], requested: Constraints, costs: Sequence[Cost]
 ) -> DanceConfig:
     """`config` with the settings that were given and the engine that makes the dance.
 
@@ -371,27 +361,11 @@ def _danced(
     kept = None if kept_of is None else kept_parts(*kept_of, requested, song_features.duration_s, config)
     if kept is not None and kept.plan is not None and "candidates" in engine.settings:
         costs = (*costs, AvoidRepeating([kept.plan]))
-    shown: list[Plan] = []
-
-    def show(plan: Plan) -> None:
-        """Render a likely plan, whose motion is then in the memory, and show its first part."""
-        shown.append(plan)
-        render_planned(plan, repertoire, memory, first=first)
-
     request = DanceRequest(
         song, song_features, repertoire, config, resolved, material, costs, style, kept, report, memory,
-        likely=show if first is not None and kept is None and memory.is_on else None,
     )  # fmt: skip
     if kept is None:
-        result = engine.plan(request)
-        motion = result.motion
-        if motion is None:
-            if song_features.duration_s > LONG_S and not memory.is_on:
-                repertoire.forget_rows()  # of clips, which have 70 MB
-            rendering = substage(report, "rendering")
-            unshown = None if shown else first
-            motion = render_planned(result.plan, repertoire, memory, report=rendering, first=unshown)
-        result = result.with_costs()
+        result, motion = plan_and_render(engine, request, first)
     else:
         result, motion = fill(request, engine)
     left_out = missing_from_plan(result.plan, repertoire, material, requested, resolved.take_allowed, config)

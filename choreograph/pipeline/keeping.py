@@ -3,35 +3,26 @@
 from __future__ import annotations
 
 import reprlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from choreograph.choreography.constraints import Constraints, Keep
-from choreograph.choreography.enforcement import danced_motifs, is_danced, violated_slots
-from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
-from choreograph.choreography.slots import KeptDance, ResolvedConstraints, check_pins_in_gaps, kept_dance
+from choreograph.choreography.slots import KeptDance, check_pins_in_gaps, kept_dance
 from choreograph.core.errors import ParameterError
-from choreograph.core.progress import substage
-from choreograph.core.timebase import seconds_to_frames
 from choreograph.formats.bvh import read_bvh
 from choreograph.formats.npz import read_npz
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Motion
 from choreograph.music.song import Song, as_song, cached_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.plan.joins import take_motions
-from choreograph.plan.plan import Plan, PlannedEdit, PlannedWord, words_between
-from choreograph.render.filled_gaps import correction_speed_m_s, fill_gaps, of_length
-from choreograph.render.rendering import render, render_planned, with_edit
+from choreograph.plan.plan import Plan, PlannedWord
+from choreograph.render.rendering import render
 from choreograph.settings import DanceConfig
 
-_ATTEMPTS = 4  # with different seeds, to find a filling that needs little correction
-_SLOW_M_S = 0.08  # corrections of standing feet at this speed are hardly visible
 _SAME_BEAT_S = 0.07  # between two beats that are one
 _SAME_SONG = 0.6  # least share of beats that two songs have in common if they are one. By chance, it is .3
-_SEEDS_APART = 1_000_003  # so that attempts of neighbouring seeds differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,78 +152,6 @@ def kept_file_plan(
         engine="mixer", words=(whole,),
         music_beat_numbers=tuple(map(int, counts.numbers)) if counts.has_bars else (), metre=counts.metre,
     )  # fmt: skip
-
-
-def fill(request: DanceRequest, engine: Engine) -> tuple[EngineResult, Motion]:
-    """A new dance that keeps parts of another one: its plan, its unmet requests, and its motion.
-
-    The new parts are edits of the other dance. They rarely end where the kept parts continue, so they are
-    moved there. Of a few dances with different seeds, the one with the smallest correction is chosen.
-
-    Raises as the engine does, and `ParameterError` if the dances are of different skeletons.
-    """
-    kept, config = request.kept, request.config
-    assert kept is not None
-    base = kept.plan
-    if base is None:
-        known = ExistingDance(kept.motion, None, kept.name)
-        base = kept_file_plan(known, request.song_features, request.song, request.repertoire)
-    existing = of_length(kept.motion, max(1, seconds_to_frames(base.duration_s, base.fps)))
-    best: tuple[float, EngineResult, Motion] | None = None
-    for attempt in range(_ATTEMPTS):
-        seed = config.seed + attempt * _SEEDS_APART
-        result = engine.plan(replace(request, config=replace(config, seed=seed)))
-        motion = result.motion
-        if motion is None:
-            rendering = substage(request.report, "rendering")
-            motion = render_planned(result.plan, request.repertoire, request.memory, report=rendering)
-        motion = of_length(motion, existing.n_frames)
-        fast_m_s = correction_speed_m_s(existing, motion, kept.frames)
-        if best is None or (len(result.unmet), fast_m_s) < (len(best[1].unmet), best[0]):
-            best = fast_m_s, result, motion
-        if fast_m_s <= _SLOW_M_S and not result.unmet:
-            break
-    assert best is not None
-    _, result, motion = best
-    edits = tuple(_gap_edit(result.plan, from_s, min(to_s, base.duration_s)) for from_s, to_s in kept.gaps_s)
-    if result.plan.from_takes:  # the motion of the plan as it is written
-        filled, read_motion = existing, take_motions(request.repertoire)
-        for edit in edits:
-            filled = with_edit(filled, base, edit, read_motion)
-    else:
-        filled = fill_gaps(existing, motion, kept.frames)
-    broken = _unmet(filled, result.plan, kept, request.constraints, request.repertoire)
-    unmet = tuple(dict.fromkeys((*result.unmet, *broken)))
-    return replace(result, plan=replace(base, edits=(*base.edits, *edits)), unmet=unmet), filled
-
-
-def _gap_edit(plan: Plan, start_s: float, end_s: float) -> PlannedEdit:
-    """A gap between kept parts as an edit, with the part of a new dance there. Words end on half beats."""
-    beats_s = np.array(plan.music_beats_s)
-    cuts_s = np.sort(np.concatenate([beats_s, 0.5 * (beats_s[1:] + beats_s[:-1])]))
-    words = words_between(plan.planned_blocks, start_s, end_s, cuts_s.tolist())
-    return PlannedEdit(start_s, end_s, f"plan {start_s:g}-{end_s:g} again", words)
-
-
-def _unmet(
-    motion: Motion, plan: Plan, kept: KeptDance, constraints: ResolvedConstraints, repertoire: Repertoire
-) -> tuple[str, ...]:
-    """A line on each pin and ban that is not met because of transitions from and to kept parts."""
-    if not constraints.constrains_motifs:
-        return ()
-    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
-    danced = danced_motifs(motion, constraints.bounds_s, repertoire, pinned)
-    broken = violated_slots(danced, replace(constraints, motifs=pinned))
-    lines = []
-    for slot in broken:
-        start_s, end_s = constraints.bounds_s[slot : slot + 2].tolist()
-        if is_danced(slot, plan, constraints) and not kept.keeps(start_s, end_s):
-            wanted = f"motif {pinned[slot]}" if slot in pinned else "no banned motif"
-            lines.append(
-                f"expected {wanted} at {start_s:.1f} s, but a transition from or to what is kept changes it: "
-                "move it, or keep less"
-            )
-    return tuple(lines)
 
 
 _MOVED_S = 0.05  # by which a border of a pin may be moved without a note

@@ -96,7 +96,6 @@ _PELVIS_WEIGHT = 0.3  # weight of the pelvis in the alignment. A foot on the flo
 _ANKLE_M, _BALL_M = 0.07, 0.015  # heights of a foot that stands flat
 # Height above these at which a foot is as likely in the air as on the floor, and the width of the change.
 _LOW_M, _LOW_WIDTH_M = 0.05, 0.012
-_KEPT_BYTES = 1 << 26  # of sampled runs: the words of a dance of 5 minutes at 60 fps
 _FEET = [
     (BODY_JOINTS.index(f"{side}_ankle"), BODY_JOINTS.index(f"{side}_foot")) for side in ("left", "right")
 ]
@@ -167,22 +166,15 @@ def sample_run(run: Run, read_motion: MotionReader, fps: float, margin: int) -> 
 RunSampler = Callable[[Run, MotionReader, float, int], SampledRun]  # as `sample_run`
 
 
-class RecentRuns:
-    """Keeps the runs that were sampled last, for dances that have most runs in common.
-
-    They are kept in a `memory` of their repertoire, or without one up to 64 MB.
-    """
-
-    def __init__(self, memory: Memory = NO_MEMORY) -> None:
-        self._memory = memory if memory.is_on else Memory(_KEPT_BYTES)
-
-    def sample(self, run: Run, read_motion: MotionReader, fps: float, margin: int) -> SampledRun:
-        """As `sample_run`, always with the same `read_motion`."""
-        sampled = self._memory.value(
-            lambda: sample_run(run, read_motion, fps, margin),
-            "run", run.take, run.mirrored, run.start_s, run.stop_s, run.source_times_s, fps, margin,
-        )  # fmt: skip
-        return replace(sampled, locked=run.locked, transition_s=run.transition_s)
+def sample_kept_run(
+    memory: Memory, run: Run, read_motion: MotionReader, fps: float, margin: int
+) -> SampledRun:
+    """As `sample_run`, with a memory of the takes of `read_motion`, for dances with most runs in common."""
+    sampled = memory.value(
+        lambda: sample_run(run, read_motion, fps, margin),
+        "run", run.take, run.mirrored, run.start_s, run.stop_s, run.source_times_s, fps, margin,
+    )  # fmt: skip
+    return replace(sampled, locked=run.locked, transition_s=run.transition_s)
 
 
 def alignment_at(previous: SampledRun, sampled: SampledRun, frame: int) -> tuple[float, Floats]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +21,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
-from choreograph.plan.joins import MotionReader, RecentRuns, RunSampler, sample_run, take_motions
+from choreograph.plan.joins import MotionReader, sample_kept_run, take_motions
 from choreograph.plan.plan import LENGTH_SLACK_S, Plan, PlannedEdit, PlannedWord, held_spans_s
 from choreograph.plan.runs import (
     STOP_EASE_S,
@@ -107,75 +108,49 @@ def render_planned(
     *,
     existing: Motion | None = None,
     report: StepReport | None = None,
-    first: FirstPart | None = None,
 ) -> Motion:
     """As `render` of a valid plan, with a memory of this repertoire.
 
-    In the memory are parts of takes and motions of the same steps. A `first` part is shown before the rest
-    is rendered, without edits.
+    In the memory are parts of takes and motions of the same steps.
     """
     _check_existing(plan, existing)
     _check_takes(plan, repertoire)
     if existing is not None:
         motion = of_length(existing, max(1, seconds_to_frames(plan.duration_s, plan.fps)))
     else:
-        motion = _rendered(plan, repertoire, memory, report, first)
+        motion = _rendered(plan, repertoire, memory, report)
     read_motion = take_motions(repertoire)
     for edit in plan.edits:
         motion = with_edit(motion, plan, edit, read_motion)
     return motion
 
 
-def _rendered(
-    plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None, first: FirstPart | None
-) -> Motion:
+def _rendered(plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None) -> Motion:
     """The motion of a plan without its edits."""
-    sample = RecentRuns(memory).sample if memory.is_on else sample_run
     seconds = tuple(replace(second, costs={}) for second in plan.seconds)
     steps = replace(plan, weights={}, seed=0, least_cost=None, seconds=seconds, edits=())
-    read_motion = take_motions(repertoire)
-    shown: list[FirstPart] = []
 
     def made() -> Motion:
-        shown.extend([] if first is None else [first])
-        return render_from(read_motion, plan, sample=sample, report=report, first=first)
+        of_runs = part(report, 0, 70, _STEPS)
+        motion, joins = _assembled(plan_runs(plan), plan, repertoire, memory, of_runs)
+        motion = with_dynamics(motion, joins, plan)
+        if report is not None:
+            report(_STEPS, _STEPS)
+        return motion
 
     motion = memory.value(made, "rendered", steps)
-    if first is not None and not shown:
-        first.show_rendered(motion)
     return deepcopy(motion) if memory.is_on else motion
 
 
-def render_from(
-    read_motion: MotionReader,
-    plan: Plan,
-    *,
-    sample: RunSampler = sample_run,
-    report: StepReport | None = None,
-    first: FirstPart | None = None,
-) -> Motion:
-    """As `render` without edits, for a plan that needs no checks.
-
-    The functions `read_motion` and `sample` read takes and sample runs. A `first` part is shown early.
-    """
-    runs = plan_runs(plan)
-    near = [] if first is None else first.runs_of(runs)
-
-    def assembled(some: Sequence[Run], report: StepReport | None = None) -> tuple[Motion, Joins]:
-        return assemble(
-            some, read_motion, fps=plan.fps, duration_s=plan.duration_s, blending=plan.blending,
-            stage=plan.stage, to_front=plan.front == "audience", sample=sample, report=report,
-        )  # fmt: skip
-
-    if first is not None and near:
-        first.show(*assembled(near), plan, with_dynamics)
-    motion, joins = assembled(runs, part(report, 0, 70, _STEPS))
-    if first is not None and not near:
-        first.show(motion, joins, plan, with_dynamics)
-    motion = with_dynamics(motion, joins, plan)
-    if report is not None:
-        report(_STEPS, _STEPS)
-    return motion
+def _assembled(
+    runs: Sequence[Run], plan: Plan, repertoire: Repertoire, memory: Memory, report: StepReport | None = None
+) -> tuple[Motion, Joins]:
+    """The first runs of a plan, or all, as one motion."""
+    return assemble(
+        runs, take_motions(repertoire), fps=plan.fps, duration_s=plan.duration_s, blending=plan.blending,
+        stage=plan.stage, to_front=plan.front == "audience", sample=partial(sample_kept_run, memory),
+        report=report,
+    )  # fmt: skip
 
 
 # Edits, which are rendered with some of the dance beside them, so that a long dance does not take longer.
@@ -354,56 +329,33 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
     return lock_feet_at_joins(made, joins)
 
 
-# A part of a dance that is shown before all of it is rendered: the one near the playhead of a page.
+# A part of a dance, which is rendered without the rest.
 
 
-@dataclass(frozen=True)
-class FirstPart:
-    """The part of a dance from one time to another, and what gets its motion, with the time of its start.
+def render_part(
+    plan: Plan, repertoire: Repertoire, memory: Memory, start_s: float, end_s: float
+) -> tuple[Motion, float] | None:
+    """The motion of a plan from one time to another, and the time of its first frame, or None beyond the end.
 
-    The part is that of the finished dance, except that its floor and the shifts of its feet are found without
-    the rest of the dance. They differ by some millimetres. It may be shown before a search has ended that
-    rarely changes the dance.
+    It is that of the whole dance without its edits, except that its floor and the shifts of its feet, which
+    are found without the rest, differ by some millimetres.
     """
-
-    start_s: float
-    end_s: float
-    tell: Callable[[Motion, float], None]
-
-    def runs_of(self, runs: Sequence[Run]) -> Sequence[Run]:
-        """The runs of a dance until after the part, which are assembled first, if they are few."""
-        later = (index for index, run in enumerate(runs) if run.start_s > self.end_s + 2 * _BESIDE_S)
-        n_needed = next(later, len(runs)) + 1
-        return runs[:n_needed] if n_needed <= len(runs) / 2 else ()
-
-    def show_rendered(self, motion: Motion) -> None:
-        """Tell of the part of a dance that is rendered already."""
-        first = seconds_to_frames(self.start_s, motion.fps)
-        stop = min(motion.n_frames, seconds_to_frames(self.end_s, motion.fps))
-        if first < stop:
-            self.tell(copied(motion.sliced(first, stop)), first / motion.fps)
-
-    def show(
-        self, motion: Motion, joins: Joins, plan: Plan, finish: Callable[[Motion, Joins, Plan], Motion]
-    ) -> None:
-        """Finish the part of a dance, assembled until after it or to its end, and tell of it.
-
-        `motion` stays as it is. `finish` adds the dynamics of a plan to a motion and locks its feet.
-        """
-        fps, n_frames = motion.fps, motion.n_frames
-        from_s = _beside_s(plan, self.start_s)
-        begin, first = seconds_to_frames(from_s, fps), seconds_to_frames(self.start_s, fps)
-        stop = min(n_frames, seconds_to_frames(self.end_s, fps))
-        end = min(n_frames, seconds_to_frames(self.end_s + _BESIDE_S, fps))
-        if first >= stop:
-            return
-        part = copied(motion.sliced(begin, end))
-        window = part_of_plan(plan, from_s, part.duration_s)
-        whole_m = scaled_root(motion.root_pos_m, plan.amplitudes, fps)[first]
-        shift_m = whole_m - scaled_root(part.root_pos_m, window.amplitudes, fps)[first - begin]
-        made = finish(part, joins.between(begin, end, fps), window).sliced(first - begin, stop - begin)
-        moved_m = made.root_pos_m + shift_m * np.array([1.0, 0.0, 1.0])  # on the ground
-        self.tell(replace(made, root_pos_m=moved_m), first / fps)
+    runs = plan_runs(plan)
+    later = (index for index, run in enumerate(runs) if run.start_s > end_s + 2 * _BESIDE_S)
+    motion, joins = _assembled(runs[: next(later, len(runs)) + 1], plan, repertoire, memory)
+    fps, n_frames = motion.fps, motion.n_frames
+    from_s = _beside_s(plan, start_s)
+    begin, first = seconds_to_frames(from_s, fps), seconds_to_frames(start_s, fps)
+    stop, end = (min(n_frames, seconds_to_frames(at_s, fps)) for at_s in (end_s, end_s + _BESIDE_S))
+    if first >= stop:
+        return None
+    near = copied(motion.sliced(begin, end))
+    window = part_of_plan(plan, from_s, near.duration_s)
+    whole_m = scaled_root(motion.root_pos_m, plan.amplitudes, fps)[first]
+    shift_m = whole_m - scaled_root(near.root_pos_m, window.amplitudes, fps)[first - begin]
+    made = with_dynamics(near, joins.between(begin, end, fps), window).sliced(first - begin, stop - begin)
+    moved_m = made.root_pos_m + shift_m * np.array([1.0, 0.0, 1.0])  # on the ground
+    return replace(made, root_pos_m=moved_m), first / fps
 
 
 def _beside_s(plan: Plan, start_s: float) -> int:

@@ -16,7 +16,7 @@ from choreograph.choreography.edits import EditRequest, Hold, MoveJoin, Repeat, 
 from choreograph.core.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.music.song_features import SongFeatures
-from choreograph.render.rendering import FirstPart
+from choreograph.pipeline.planning import FirstPart
 from choreograph.studio.facts import explained, motion_data, part_motion
 from choreograph.studio.jobs import Job
 from choreograph.studio.project import EditKind, Step

@@ -27,10 +27,11 @@ from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, edit, planned_edit
 from choreograph.pipeline.figures import danced_figures
+from choreograph.pipeline.planning import FirstPart
 from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import PlannedEdit
 from choreograph.render.assembly import off_stage
-from choreograph.render.rendering import FirstPart, with_edit
+from choreograph.render.rendering import with_edit
 from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data, whole_facts
 from choreograph.studio.project import (
     SCENE_SETTINGS,

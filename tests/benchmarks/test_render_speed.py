@@ -13,11 +13,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from choreograph.core.cache import Memory
 from choreograph.library.repertoire import starter_repertoire
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.plan.joins import RecentRuns, sample_run
+from choreograph.plan.joins import sample_kept_run, sample_run
 from choreograph.plan.runs import Run
 
 
@@ -96,8 +97,8 @@ def test_runs_of_six_renderings_are_sampled_once():
         return repertoire.motion(names.index(take), start_s, stop_s)
 
     def once():
-        recent = RecentRuns()
-        return [recent.sample(run, read, 60.0, 30) for _ in range(6) for run in runs]
+        memory = Memory(1 << 26)
+        return [sample_kept_run(memory, run, read, 60.0, 30) for _ in range(6) for run in runs]
 
     def each_time():
         return [sample_run(run, read, 60.0, 30) for _ in range(6) for run in runs]

@@ -92,8 +92,8 @@ def _turned_away(genre: str, setting: str) -> float:
     """How far the words of the motifs that the mixer draws are turned from the audience, from 0 to 1."""
     requests = []
     with pytest.MonkeyPatch.context() as patch:
-        mix = mixer.mix
-        patch.setattr(mixer, "mix", lambda request: requests.append(request) or mix(request))
+        mixing = mixer.Mixing
+        patch.setattr(mixer, "Mixing", lambda request: requests.append(request) or mixing(request))
         song = cg.example_songs()["waltz"]
         cg.dance(song, duration_s=16, engine="mixer", genre=genre, front=setting)
     backs = []

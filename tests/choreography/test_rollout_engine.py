@@ -18,6 +18,7 @@ from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions
 from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.song import Song
+from choreograph.pipeline import planning
 
 pytestmark = pytest.mark.slow
 
@@ -141,7 +142,7 @@ def test_a_given_motif_that_is_missed_is_asked_for_beyond_its_medoid(rolling, so
 
     monkeypatch.setattr(rollout, "_generated", generated)
     monkeypatch.setattr(
-        rollout, "danced_embeddings", lambda motion, bounds_s, _: np.tile(missed, (len(bounds_s) - 1, 1))
+        planning, "danced_embeddings", lambda motion, bounds_s, _: np.tile(missed, (len(bounds_s) - 1, 1))
     )
     made = cg.dance(song, rolling, engine="rollout", motifs=[1] * 6)
     inner = [slot for slot in range(2, 5) if made.plan.words[slot].start_s >= made.plan.opening_s]

@@ -266,7 +266,7 @@ def test_outputs_are_whole_or_absent(made, tmp_path):
     [
         ({}, ["warping", "planning", "timing transitions", "rendering"]),
         ({"planner": "motion-graph"}, ["warping", "planning", "timing transitions", "rendering"]),
-        ({"engine": "mixer"}, ["mixing"]),
+        ({"engine": "mixer"}, ["rendering"]),
     ],
 )
 def test_progress_goes_forward_to_the_end_of_every_stage_in_order(
@@ -326,7 +326,7 @@ def test_a_long_song_in_blocks_and_files_has_the_dance_of_a_short_one(settings, 
     for name, limit in (
         ("music.song._MOST_IN_MEMORY", 20_000), ("choreography.graph.cheap_nodes._MOST_WHOLE_S", 0),
         ("choreography.graph.warped_segments._MOST_KEPT_S", 0), ("core.free_memory.LONG_S", 0.0),
-        ("pipeline.dancing.LONG_S", 0.0), ("choreography.mixer.engine.LONG_S", 0.0),
+        ("pipeline.planning.LONG_S", 0.0), ("choreography.mixer.engine.LONG_S", 0.0),
         ("choreography.enforcement.WORDS_AT_ONCE", 128), ("choreography.rollout.engine.WORDS_AT_ONCE", 128),
     ):  # fmt: skip
         monkeypatch.setattr(f"choreograph.{name}", limit)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from synthetic_motions import swaying
 
+from choreograph.core.numerics import Memory
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.contacts import CONTACT_JOINTS
-from choreograph.plan.joins import RecentRuns, sample_run
+from choreograph.plan.joins import sample_kept_run, sample_run
 from choreograph.plan.runs import (
     Run,
     TransitionTiming,
@@ -89,14 +92,14 @@ def test_moving_a_transition_changes_nothing_else():
 # Runs at the frame rate of the dance.
 
 
-def test_recent_runs_are_those_of_sample_run_and_read_their_take_once():
+def test_kept_runs_are_those_of_sample_run_and_read_their_take_once():
     motion, reads = swaying(600, fps=60.0, seed=3), []
 
     def read_motion(take, start_s, stop_s):
         reads.append(take)
         return motion, 0.0
 
-    recent = RecentRuns()
+    kept = partial(sample_kept_run, Memory(1 << 26))
     runs = [
         Run("a", 0.0, 2.0, np.linspace(1.0, 3.0, 41)),
         Run("a", 0.0, 2.0, np.linspace(1.0, 3.1, 41)),  # at another speed
@@ -105,16 +108,19 @@ def test_recent_runs_are_those_of_sample_run_and_read_their_take_once():
     ]
     for _ in range(3):
         for run in runs:
-            made, expected = recent.sample(run, read_motion, 60.0, 9), sample_run(run, read_motion, 60.0, 9)
+            made, expected = (
+                kept(run, read_motion, 60.0, 9),
+                sample_run(run, read_motion, 60.0, 9),
+            )
             np.testing.assert_array_equal(made.root, expected.root)
             np.testing.assert_array_equal(made.quat, expected.quat)
             assert (made.first_frame, made.start, made.stop) == (expected.first_frame, made.start, made.stop)
             assert (made.locked, made.transition_s) == (run.locked, run.transition_s)
     assert len(reads) == len(runs) + 3 * len(runs)  # ours once, the others each time
-    again = recent.sample(Run("a", 0.0, 2.0, np.linspace(1.0, 3.0, 41), True, 0.5), read_motion, 60.0, 9)
+    again = kept(Run("a", 0.0, 2.0, np.linspace(1.0, 3.0, 41), True, 0.5), read_motion, 60.0, 9)
     assert len(reads) == 4 * len(runs) and (again.locked, again.transition_s) == (True, 0.5)
-    recent.sample(runs[0], read_motion, 30.0, 9)
-    recent.sample(runs[0], read_motion, 60.0, 8)
+    kept(runs[0], read_motion, 30.0, 9)
+    kept(runs[0], read_motion, 60.0, 8)
     assert len(reads) == 4 * len(runs) + 2
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints, TakePin
-from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders, enforce_motifs
-from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders, Repairs
+from choreograph.choreography.engine import Check, DanceRequest, EngineResult
 from choreograph.choreography.graph.candidates import AllowedNodes, take_ranks
 from choreograph.choreography.graph.cost import Cost, CostContext, WeightedCost, resolve_weights
 from choreograph.choreography.graph.costs import BUILTIN_COSTS, built_in, installed_costs
@@ -24,7 +24,6 @@ from choreograph.choreography.graph.planners import Path, plan_exact, plan_greed
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.choreography.material import SectionGoal
 from choreograph.core.arguments import as_stage_m
-from choreograph.core.cache import Memory
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
 from choreograph.core.progress import counted, substage
 from choreograph.core.timebase import CLIP_S, NET_FPS
@@ -34,9 +33,8 @@ from choreograph.motion.motion import Motion
 from choreograph.music.count_grids import FEWEST_COUNTS
 from choreograph.music.danced_span import REACH_S, join_times_s
 from choreograph.plan.joins import take_motions, time_transitions
-from choreograph.plan.plan import Plan, PlannedSecond, PlannedWord
+from choreograph.plan.plan import Plan, PlannedSecond
 from choreograph.plan.runs import Run, TransitionTiming, runs_of_seconds
-from choreograph.render.rendering import render_planned
 from choreograph.settings import TRANSITION_LENGTHS_S, DanceConfig, settings_of
 
 _OF_MOTIFS = (Signature, MotifTransition)
@@ -84,7 +82,7 @@ class GraphEngine:
             _ = repertoire.vocabulary
 
     def plan(self, request: DanceRequest) -> EngineResult:
-        """The cheapest path found, with transitions, and words where motifs are pinned or banned."""
+        """The cheapest path found, with transitions. Words replace it where it violates pins and bans."""
         constraints, config, repertoire = request.constraints, request.config, request.repertoire
         notes: tuple[str, ...] = ()
         if repertoire.n_clips < config.candidates and config.planner != "motion-graph":
@@ -99,14 +97,13 @@ class GraphEngine:
         if plan.least_cost is not None:
             costs = f"the plan costs {plan.total_cost:.1f}, and no plan costs less than {plan.least_cost:.1f}"
             notes = (*notes, costs)
-        motion = None
-        if constraints.constrains_motifs:
-            with_words = partial(_with_words, plan, repertoire, request.memory)
-            plan, motion = enforce_motifs(*with_words(()), constraints, repertoire, with_words)
         if config.warping == "counts":
             goal_notes = (*goal_notes, *request.material.metre_notes)
         costs_of = partial(_costs_of, path) if costs_later else None
-        return EngineResult(plan, (*notes, *goal_notes), motion, costs_of=costs_of)
+        result = EngineResult(plan, (*notes, *goal_notes), costs_of=costs_of)
+        if not constraints.constrains_motifs:
+            return result
+        return replace(result, check=Check(constraints.bounds_s, partial(_with_words, result, request, None)))
 
 
 def _unaligned_note(request: DanceRequest) -> str:
@@ -124,11 +121,21 @@ def _unaligned_note(request: DanceRequest) -> str:
 
 
 def _with_words(
-    plan: Plan, repertoire: Repertoire, memory: Memory, words: tuple[PlannedWord, ...]
-) -> tuple[Plan, Motion]:
-    """The plan with words in place of its seconds, and its motion."""
-    enforced = replace(plan, words=words)
-    return enforced, render_planned(enforced, repertoire, memory)
+    result: EngineResult,
+    request: DanceRequest,
+    repairs: Repairs | None,
+    motion: Motion,
+    embeddings: NDArray[np.float32],
+) -> EngineResult:
+    """The result with words in place of its seconds where its `motion` violates pins and bans."""
+    constraints = request.constraints
+    if repairs is None:
+        repairs = Repairs(result.plan, motion, constraints, request.repertoire)
+    words = repairs.words(embeddings)
+    if words is None:
+        return replace(result, motion=motion, check=None)
+    laid = replace(result, plan=replace(result.plan, words=words))
+    return replace(laid, check=Check(constraints.bounds_s, partial(_with_words, laid, request, repairs)))
 
 
 def cost_weights(config: DanceConfig, costs: Sequence[Cost]) -> dict[str, float]:

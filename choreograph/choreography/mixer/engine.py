@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.enforcement import (
     consecutive_slots,
-    danced_motifs,
     is_danced,
+    motifs_of_embeddings,
     no_word_left,
     violated_slots,
     with_border_costs,
+    without_distant,
 )
-from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.engine import Check, DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, search_words
@@ -29,16 +30,13 @@ from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.free_memory import LONG_S
 from choreograph.core.numerics import Floats, Indices
-from choreograph.core.progress import part, substage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import held_times_s
-from choreograph.plan.joins import RecentRuns, sample_run, stage_half_m, take_motions
+from choreograph.plan.joins import stage_half_m
 from choreograph.plan.plan import Plan, PlannedWord
-from choreograph.render.rendering import render_from
 from choreograph.settings import DanceConfig, settings_of
 
-_STEPS = 10  # of the progress of a rendering
 _NO_POSES = np.zeros((0, 3, 21, 3))  # of candidates while a long dance is rendered
 _KEEP_M = 0.1  # cost of replacing a word that shows its motif, to help another
 _RETURN_M = 0.2  # cost of another word than the first time, where a phrase returns
@@ -73,30 +71,18 @@ class MixerEngine:
 
     def plan(self, request: DanceRequest) -> EngineResult:
         """A dance of motion words. Each part follows its likely genre unless one is requested."""
-        material, mixed = request.material, mix(request)
-        notes = (*material.notes, *material.metre_notes)
-        if len(mixed.wrong):
-            notes = (*notes, f"{len(mixed.wrong)} of {len(mixed.wanted)} words do not show their motifs")
-        notes = (*notes, *sequence_notes(request.constraints))
-        return EngineResult(mixed.plan, notes, mixed.motion)
+        return Mixing(request).attempt()
 
 
 @dataclass(frozen=True, eq=False)
-class MixedDance:
-    """A rendered dance of words, and what its words should be."""
+class _MixedDance:
+    """A rendered dance of words, and what it shows."""
 
     plan: Plan
     motion: Motion
     words: Indices  # (N,) of the vocabulary
-    wanted: Indices  # (N,) planned motif of each word
-    danced: Indices  # (N,) motif that the rendered motion shows there, or -1 for a word too short to have one
-    insists: NDArray[np.bool_]  # (N,) slots whose word is replaced if it does not show its motif
+    wrong: Indices  # slots that insist on their motif and show another one
     broken: tuple[int, ...]  # slots where a pinned motif is not danced, or a banned one is
-
-    @property
-    def wrong(self) -> Indices:
-        """Slots that insist on their motif and show another one."""
-        return np.flatnonzero((self.danced != self.wanted) & (self.danced >= 0) & self.insists)
 
     @property
     def n_violations(self) -> tuple[int, int]:
@@ -123,8 +109,8 @@ def sequence_notes(constraints: ResolvedConstraints) -> tuple[str, ...]:
     return notes
 
 
-def mix(request: DanceRequest) -> MixedDance:
-    """A dance of motion words (Rhythm is a Dancer, sections 4.3 and 5.2.5).
+class Mixing:
+    """A dance of motion words in the making (Rhythm is a Dancer, sections 4.3 and 5.2.5).
 
     It differs from the paper in four ways. Motifs are drawn in passages of takes. A word that no longer shows
     its motif after blending is replaced, and the dance is rendered again. In a passage, this holds for
@@ -135,50 +121,84 @@ def mix(request: DanceRequest) -> MixedDance:
     Raises `ParameterError` if constraints contradict each other, `NoPathError` naming the time at which no
     word shows a pinned motif or avoids a banned one, `RepertoireError` without a vocabulary.
     """
-    constraints, config = request.constraints, request.config
-    rng = np.random.default_rng(config.seed)
-    cut_cost_m = _CUT_COST_M if config.phrase_counts > 1 else 0.0
-    own = WordCosts.of(request, constraints, MixerEngine.name)
-    pool = CandidatePool.of(
-        constraints, request.repertoire, rng, nearest=config.planner == "greedy",
-        costs=None if own is None else own.of_words(),
-    )  # fmt: skip
-    wanted = _motifs(pool, request)
-    candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(wanted)]
-    if request.kept is not None:
-        candidates = with_border_costs(candidates, request.kept, constraints)
-    locked = set(constraints.pinned)
-    report = substage(request.report, "mixing")
-    is_long = request.song_features.duration_s > LONG_S and not request.memory.is_on
-    # The runs of a long dance are more than are kept.
-    sample = sample_run if is_long else RecentRuns(request.memory).sample
-    render = partial(render_from, take_motions(request.repertoire), sample=sample)
-    best: MixedDance | None = None
-    rounds = 0
-    search = partial(
-        search_words, search=config.planner, cut_cost_m=cut_cost_m, last_slot=_last_slot(request),
-        stage_m=as_stage_m(config.stage), own_costs=None if own is None else own.of_edges,
-    )  # fmt: skip
-    if config.planner == "exact":
-        candidates = _returning(candidates, first_slots(request, constraints, wanted), search)
-    while True:
-        words = search(candidates)
-        if is_long:  # the poses of all candidates have 0.13 GB in an hour
-            candidates = [replace(here, first_m=_NO_POSES, last_m=_NO_POSES) for here in candidates]
-        steps = _STEPS * max(_ROUNDS, rounds + 1)
-        of_round = part(report, _STEPS * rounds, _STEPS * (rounds + 1), steps)
-        mixed = _rendered(words, locked, pool, request, partial(render, report=of_round))
-        if best is None or mixed.n_violations < best.n_violations:
-            best = mixed
-        rounds += 1
-        if best.n_violations == (0, 0) or (rounds >= _ROUNDS and not best.broken):
-            if report is not None:
-                report(steps, steps)
-            return best
-        if is_long:
-            candidates = [_with_poses(slot, here, pool) for slot, here in enumerate(candidates)]
-        locked.update(mixed.broken)
-        candidates = [_next_candidates(slot, here, mixed, pool) for slot, here in enumerate(candidates)]
+
+    def __init__(self, request: DanceRequest) -> None:
+        constraints, config = request.constraints, request.config
+        own = WordCosts.of(request, constraints, MixerEngine.name)
+        self._request = request
+        self._pool = pool = CandidatePool.of(
+            constraints, request.repertoire, np.random.default_rng(config.seed),
+            nearest=config.planner == "greedy", costs=None if own is None else own.of_words(),
+        )  # fmt: skip
+        self._wanted = _motifs(pool, request)
+        self._insists = np.full(constraints.n_words, config.phrase_counts == 1 and config.planner == "exact")
+        self._insists[list(constraints.motifs)] = True
+        candidates = [pool.candidates(slot, int(motif)) for slot, motif in enumerate(self._wanted)]
+        if request.kept is not None:
+            candidates = with_border_costs(candidates, request.kept, constraints)
+        self._search: Callable[[list[Candidates]], Indices] = partial(
+            search_words, search=config.planner, cut_cost_m=_CUT_COST_M if config.phrase_counts > 1 else 0.0,
+            last_slot=_last_slot(request), stage_m=as_stage_m(config.stage),
+            own_costs=None if own is None else own.of_edges,
+        )  # fmt: skip
+        if config.planner == "exact":
+            candidates = _returning(candidates, first_slots(request, constraints, self._wanted), self._search)
+        self._candidates = candidates
+        self._locked = set(constraints.pinned)
+        self._best: _MixedDance | None = None
+        self._n_rendered = 0
+
+    def attempt(self) -> EngineResult:
+        """The plan of the best words that are left. It is checked if motifs have to be shown."""
+        constraints = self._request.constraints
+        words = self._search(self._candidates)
+        if self._request.song_features.duration_s > LONG_S:  # of an hour, the poses have 0.13 GB
+            self._candidates = [replace(one, first_m=_NO_POSES, last_m=_NO_POSES) for one in self._candidates]
+        plan = _to_plan(words, self._locked, self._pool, self._request)
+        if not (constraints.constrains_motifs or self._insists.any()):
+            return EngineResult(plan, self._notes(0))
+        return EngineResult(plan, check=Check(constraints.bounds_s, partial(self._again, plan, words)))
+
+    def _again(
+        self, plan: Plan, words: Indices, motion: Motion, embeddings: NDArray[np.float32]
+    ) -> EngineResult:
+        """Another attempt, or the best one if it shows all motifs or enough were made."""
+        mixed = self._checked(plan, words, motion, embeddings)
+        if self._best is None or mixed.n_violations < self._best.n_violations:
+            self._best = mixed
+        self._n_rendered += 1
+        best = self._best
+        if best.n_violations == (0, 0) or (self._n_rendered >= _ROUNDS and not best.broken):
+            return EngineResult(best.plan, self._notes(len(best.wrong)), motion=best.motion)
+        if self._request.song_features.duration_s > LONG_S:
+            self._candidates = [
+                _with_poses(slot, one, self._pool) for slot, one in enumerate(self._candidates)
+            ]
+        self._locked.update(mixed.broken)
+        self._candidates = [
+            _next_candidates(slot, one, mixed, self._pool) for slot, one in enumerate(self._candidates)
+        ]
+        return self.attempt()
+
+    def _checked(
+        self, plan: Plan, words: Indices, motion: Motion, embeddings: NDArray[np.float32]
+    ) -> _MixedDance:
+        constraints, repertoire = self._request.constraints, self._request.repertoire
+        held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
+        # A pose that is held has no motif of its own.
+        pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+        shown = without_distant(motifs_of_embeddings(embeddings, repertoire), embeddings, pinned, repertoire)
+        chosen = self._pool.vocabulary.word_motif[words]
+        danced = np.where(held, chosen, shown)  # -1 for a word too short to have a motif
+        broken = violated_slots(danced, replace(constraints, motifs=pinned))
+        wrong = np.flatnonzero((danced != chosen) & (danced >= 0) & self._insists)
+        return _MixedDance(plan, motion, words, wrong, tuple(broken))
+
+    def _notes(self, n_wrong: int) -> tuple[str, ...]:
+        material, n_words = self._request.material, self._request.constraints.n_words
+        missing = (f"{n_wrong} of {n_words} words do not show their motifs",) if n_wrong else ()
+        of_sequence = sequence_notes(self._request.constraints)
+        return (*material.notes, *material.metre_notes, *missing, *of_sequence)
 
 
 def _returning(
@@ -203,30 +223,7 @@ def _last_slot(request: DanceRequest) -> int | None:
     return int(np.abs(request.constraints.bounds_s[1:] - held_s).argmin())
 
 
-def _rendered(
-    words: Indices,
-    locked: Collection[int],
-    pool: CandidatePool,
-    request: DanceRequest,
-    render: Callable[[Plan], Motion],
-) -> MixedDance:
-    constraints = request.constraints
-    plan = _to_plan(words, locked, pool, request)
-    motion = render(plan)
-    chosen = pool.vocabulary.word_motif[words]
-    held = [not is_danced(slot, plan, constraints) for slot in range(constraints.n_words)]
-    # A pose that is held has no motif of its own.
-    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
-    shown = danced_motifs(motion, constraints.bounds_s, request.repertoire, pinned)
-    danced = np.where(held, chosen, shown)
-    broken = violated_slots(danced, replace(constraints, motifs=pinned))
-    config = request.config
-    insists = np.full(constraints.n_words, config.phrase_counts == 1 and config.planner == "exact")
-    insists[list(constraints.motifs)] = True
-    return MixedDance(plan, motion, words, chosen, danced, insists, tuple(broken))
-
-
-def _next_candidates(slot: int, here: Candidates, mixed: MixedDance, pool: CandidatePool) -> Candidates:
+def _next_candidates(slot: int, here: Candidates, mixed: _MixedDance, pool: CandidatePool) -> Candidates:
     """The candidates for another attempt, without a word that failed, and with a preference for the others.
 
     A slot that has a banned motif with every word of its own motif may have any other, unless its motif was

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -11,15 +12,14 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.constraints import Constraints
 from choreograph.choreography.enforcement import (
-    danced_embeddings,
+    Repairs,
     danced_motifs,
-    enforce_motifs,
     is_danced,
     motifs_of_embeddings,
     violated_slots,
     without_distant,
 )
-from choreograph.choreography.engine import DanceRequest, EngineResult
+from choreograph.choreography.engine import Check, DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
@@ -44,7 +44,6 @@ from choreograph.library.vocabulary import WORDS_AT_ONCE
 from choreograph.motion.motion import Credits, Motion
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.plan.plan import Plan, PlannedWord
-from choreograph.render.rendering import render_generated, render_over
 from choreograph.settings import DanceConfig, settings_of
 
 _ATTEMPTS = 4  # to make a dance that shows the requested motifs
@@ -95,9 +94,9 @@ class RolloutEngine:
             notes += (
                 f"only the costs of nodes of {', '.join(edges)}: the rollout generates what is between",
             )
-        material, result = request.material, roll_out_motifs(request)
-        of_motifs = sequence_notes(request.constraints)
-        return replace(result, notes=(*material.notes, *notes, *material.metre_notes, *of_motifs))
+        material = request.material
+        notes = (*material.notes, *notes, *material.metre_notes, *sequence_notes(request.constraints))
+        return _RollingOut(request, notes).attempt()
 
 
 def _of_one_genre(request: DanceRequest) -> tuple[DanceRequest, tuple[str, ...]]:
@@ -129,13 +128,13 @@ class _Rollout:
     motifs: Indices  # (N,) drawn or given
     asked: NDArray[np.float32]  # (N, D) embeddings that the network was conditioned on
     motion: Motion
-    shown: NDArray[np.float32]  # (N, D) embeddings of the motion, or those of the conditions without requests
+    shown: NDArray[np.float32]  # (N, D) embeddings of the motion
     danced: Indices  # (N,) motifs of these
     wrong: tuple[int, ...]  # slots that do not show the requested motif
 
 
-def roll_out_motifs(request: DanceRequest) -> EngineResult:
-    """Motifs drawn towards the goal of each part and danced by the network, with the plan's motion.
+class _RollingOut:
+    """Motifs drawn towards the goal of each part and danced by the network, in several attempts if need be.
 
     The style of the motion (equation 4) is the song's, or another song's (`style_song`), from beat to beat.
     The motion is checked. If a requested motif is missing, or a banned one occurs, another dance is sampled.
@@ -146,40 +145,87 @@ def roll_out_motifs(request: DanceRequest) -> EngineResult:
     Raises `ParameterError` if constraints name takes, `RepertoireError` without a vocabulary or a rollout
     network.
     """
-    features = request.song_features
-    bounds_s = np.concatenate([[0.0], request.constraints.bounds_s[1:-1], [features.duration_s]])
-    constraints = replace(request.constraints, bounds_s=bounds_s)
-    _refuse_takes(constraints)
-    credits = Credits(performer=f"learned from {len(request.repertoire.takes)} takes")
-    plan = request.new_plan(engine=RolloutEngine.name)
-    dance = _rolled_out(request, plan, constraints)
-    plan = replace(plan, words=_planned_words(dance.motifs, constraints, credits))
-    if dance.wrong:
-        dance, plan = _laid_over(dance, plan, constraints, request.repertoire)
-    return EngineResult(plan, motion=dance.motion, unmet=_unmet(dance, constraints))
 
+    def __init__(self, request: DanceRequest, notes: tuple[str, ...]) -> None:
+        end_s = request.song_features.duration_s
+        bounds_s = np.concatenate([[0.0], request.constraints.bounds_s[1:-1], [end_s]])
+        self._request, self._notes = request, notes
+        self._constraints = constraints = replace(request.constraints, bounds_s=bounds_s)
+        _refuse_takes(constraints)
+        self._pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
+        self._plan = request.new_plan(engine=RolloutEngine.name)
+        own = WordCosts.of(request, constraints, RolloutEngine.name)
+        self._costs = None if own is None else own.of_words()
+        self._music = SongMusic.of(request, constraints)
+        self._best: _Rollout | None = None  # with all requested motifs and no banned one, or the fewest wrong
+        self._n_made = 0
 
-def _rolled_out(request: DanceRequest, plan: Plan, constraints: ResolvedConstraints) -> _Rollout:
-    """The first attempt with all requested motifs and no banned one, or that with the fewest wrong ones."""
-    best: _Rollout | None = None
-    own = WordCosts.of(request, constraints, RolloutEngine.name)
-    costs = None if own is None else own.of_words()
-    music = SongMusic.of(request, constraints)
-    for attempt in range(_ATTEMPTS if constraints.constrains_motifs else 1):
-        wrong = best.wrong if best else ()
-        held = _held_longer(wrong, attempt, constraints)
-        motifs = _drawn_motifs(request, constraints, attempt, held, costs)
-        asked = _asked(motifs, best, attempt, constraints, request)
-        if best is not None and np.array_equal(asked, best.asked):
-            break  # the network would dance the same
-        motion = render_generated(_generated(request, constraints, motifs, asked, music), plan)
-        dance = _checked_dance(motifs, asked, motion, plan, constraints, request.repertoire)
-        if best is None or len(dance.wrong) < len(best.wrong):
-            best = dance
+    def attempt(self) -> EngineResult:
+        """A dance of the network, which is checked if motifs are requested."""
+        request, constraints, best = self._request, self._constraints, self._best
+        held = _held_longer(best.wrong if best else (), self._n_made, constraints)
+        motifs = _drawn_motifs(request, constraints, self._n_made, held, self._costs)
+        asked = _asked(motifs, best, self._n_made, constraints, request)
+        if best is not None and np.array_equal(asked, best.asked):  # the network would dance the same
+            return self._laid_over(best)
+        generated = _generated(request, constraints, motifs, asked, self._music)
+        check = None
+        if constraints.constrains_motifs:
+            check = Check(constraints.bounds_s, partial(self._again, motifs, asked))
+        return EngineResult(self._planned(motifs), self._notes, generated=generated, check=check)
+
+    def _again(
+        self, motifs: Indices, asked: NDArray[np.float32], motion: Motion, shown: NDArray[np.float32]
+    ) -> EngineResult:
+        """Another attempt, unless the best one shows what it should or enough were made."""
+        dance = self._checked(motifs, asked, motion, shown)
+        if self._best is None or len(dance.wrong) < len(self._best.wrong):
+            self._best = dance
+        self._n_made += 1
+        if self._best.wrong and self._n_made < _ATTEMPTS:
+            return self.attempt()
+        return self._laid_over(self._best)
+
+    def _planned(self, motifs: Indices) -> Plan:
+        credits = Credits(performer=f"learned from {len(self._request.repertoire.takes)} takes")
+        return replace(self._plan, words=_planned_words(motifs, self._constraints, credits))
+
+    def _checked(
+        self, motifs: Indices, asked: NDArray[np.float32], motion: Motion, shown: NDArray[np.float32]
+    ) -> _Rollout:
+        """The attempt with the motifs of its motion."""
+        constraints, repertoire = self._constraints, self._request.repertoire
+        danced = without_distant(motifs_of_embeddings(shown, repertoire), shown, self._pinned, repertoire)
+        violated = violated_slots(danced, constraints)
+        wrong = tuple(slot for slot in violated if is_danced(slot, self._plan, constraints))
+        return _Rollout(motifs, asked, motion, shown, danced, wrong)
+
+    def _laid_over(self, best: _Rollout) -> EngineResult:
+        """The best attempt, with words of takes where it violates pins and bans if such words exist."""
+        plan = self._planned(best.motifs)
         if not best.wrong:
-            break
-    assert best is not None
-    return best
+            return EngineResult(plan, self._notes, motion=best.motion)
+        wanted = replace(self._constraints, motifs=self._pinned)
+        repairs = Repairs(plan, best.motion, wanted, self._request.repertoire)
+        return self._repaired(best, repairs, plan, best.motion, best.shown)
+
+    def _repaired(
+        self, best: _Rollout, repairs: Repairs, laid: Plan, motion: Motion, shown: NDArray[np.float32]
+    ) -> EngineResult:
+        """The plan `laid` with its motion, or with other words over the best attempt if it violates any."""
+        try:
+            words = repairs.words(shown)
+        except NoPathError:
+            plan = self._planned(best.motifs)
+            return EngineResult(plan, self._notes, _unmet(best, self._constraints), best.motion)
+        if words is None:
+            dance = self._checked(best.motifs, best.asked, motion, shown)
+            return EngineResult(laid, self._notes, _unmet(dance, self._constraints), motion)
+        plan = self._planned(best.motifs)
+        by_start = {word.start_s: word for word in words}
+        laid = replace(plan, words=tuple(by_start.get(word.start_s, word) for word in plan.words))
+        check = Check(self._constraints.bounds_s, partial(self._repaired, best, repairs, laid))
+        return EngineResult(laid, self._notes, over=best.motion, check=check)
 
 
 def _asked(
@@ -211,44 +257,6 @@ def _asked(
             missed = asked[slot] - best.shown[slot] if slot in best.wrong else np.zeros(1, np.float32)
             asked[slot] = best.asked[slot] + np.nan_to_num(missed) / attempt
     return asked
-
-
-def _checked_dance(
-    motifs: Indices,
-    asked: NDArray[np.float32],
-    motion: Motion,
-    plan: Plan,
-    constraints: ResolvedConstraints,
-    repertoire: Repertoire,
-) -> _Rollout:
-    """The attempt with the motifs of its motion. It is segmented only if motifs were requested."""
-    if not constraints.constrains_motifs:
-        return _Rollout(motifs, asked, motion, asked, motifs, ())
-    shown = danced_embeddings(motion, constraints.bounds_s, repertoire)
-    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
-    danced = without_distant(motifs_of_embeddings(shown, repertoire), shown, pinned, repertoire)
-    wrong = [slot for slot in violated_slots(danced, constraints) if is_danced(slot, plan, constraints)]
-    return _Rollout(motifs, asked, motion, shown, danced, tuple(wrong))
-
-
-def _laid_over(
-    dance: _Rollout, plan: Plan, constraints: ResolvedConstraints, repertoire: Repertoire
-) -> tuple[_Rollout, Plan]:
-    """The attempt and its plan, with words of takes where it violates pins and bans if such words exist."""
-    pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
-
-    def with_words(words: tuple[PlannedWord, ...]) -> tuple[Plan, Motion]:
-        by_start = {word.start_s: word for word in words}
-        laid = tuple(by_start.get(word.start_s, word) for word in plan.words)
-        return replace(plan, words=laid), render_over(dance.motion, words, repertoire)
-
-    try:
-        plan, motion = enforce_motifs(
-            plan, dance.motion, replace(constraints, motifs=pinned), repertoire, with_words
-        )
-    except NoPathError:
-        return dance, plan
-    return _checked_dance(dance.motifs, dance.asked, motion, plan, constraints, repertoire), plan
 
 
 def _held_longer(wrong: Sequence[int], slots: int, constraints: ResolvedConstraints) -> dict[int, int]:

@@ -12,8 +12,10 @@ from choreograph.choreography.graph.local_search import CheapNodes
 from choreograph.core.cache import Memory
 from choreograph.motion.body import body_pos_m
 from choreograph.pipeline.dancing import dance_with
-from choreograph.plan.runs import Run
-from choreograph.render.rendering import FirstPart, part_of_plan, render_planned
+from choreograph.pipeline.planning import FirstPart
+from choreograph.plan.runs import plan_runs
+from choreograph.render.assembly import assemble
+from choreograph.render.rendering import part_of_plan, render_part, render_planned
 
 LENGTH_S = 3.0
 
@@ -26,20 +28,10 @@ def dance(song, repertoire):
     return replace(made, plan=plan, motion=render_planned(plan, repertoire))
 
 
-def shown(dance, repertoire, start_s: float, end_s: float):
-    """What is told of a part, and the whole dance that is rendered with it."""
-    told = []
-    first = FirstPart(start_s, end_s, lambda motion, from_s: told.append((motion, from_s)))
-    whole = render_planned(dance.plan, repertoire, first=first)
-    return told, whole
-
-
 @pytest.mark.parametrize("start_s", [0.0, 0.3, 2.2, 4.0, 6.0, 7.5, 9.0, 11.5])
 def test_a_part_is_that_of_the_whole_dance(dance, repertoire, start_s):
-    told, whole = shown(dance, repertoire, start_s, start_s + LENGTH_S)
-    assert whole.local_quat.tobytes() == dance.motion.local_quat.tobytes()
-    assert whole.root_pos_m.tobytes() == dance.motion.root_pos_m.tobytes()
-    [(part, from_s)] = told
+    whole = dance.motion
+    part, from_s = render_part(dance.plan, repertoire, Memory(), start_s, start_s + LENGTH_S)
     first = round(start_s * part.fps)
     assert from_s == pytest.approx(first / part.fps)
     assert part.n_frames == min(round(LENGTH_S * part.fps), whole.n_frames - first)
@@ -47,18 +39,6 @@ def test_a_part_is_that_of_the_whole_dance(dance, repertoire, start_s):
     apart_m = np.linalg.norm(body_pos_m(part) - body_pos_m(same), axis=-1)
     assert apart_m.mean() < 2e-3 and apart_m.max() < 0.03
     assert np.abs(part.root_pos_m - same.root_pos_m).max() < 5e-3
-
-
-def test_a_part_of_a_dance_in_the_memory_is_told_once(dance, repertoire):
-    memory, told = Memory(10**7), []
-    first = FirstPart(2.0, 5.0, lambda motion, from_s: told.append((motion, from_s)))
-    for _ in range(2):
-        whole = render_planned(dance.plan, repertoire, memory, first=first)
-    [_, (part, from_s)] = told
-    start = round(2.0 * part.fps)
-    assert from_s == 2.0 and part.n_frames == round(3.0 * part.fps)
-    assert part.local_quat.tobytes() == whole.local_quat[start : start + part.n_frames].tobytes()
-    FirstPart(whole.duration_s, whole.duration_s + 1.0, pytest.fail).show_rendered(whole)
 
 
 @pytest.mark.parametrize("settings", [{}, {"bound": True}, {"planner": "greedy"}])
@@ -105,36 +85,23 @@ def test_a_kept_dance_has_no_part_that_is_told(song, repertoire, dance):
     assert made.plan == dance_with(Memory(10**7), song, repertoire, **given).plan and not told
 
 
-def test_few_runs_before_the_end_of_a_part_are_assembled_first(dance, repertoire):
-    times_s = np.linspace(0.0, 2.0, 41)
-    runs = [Run("a", 2.0 * i, 2.0 * i + 2.0, times_s) for i in range(20)]
-    assert FirstPart(1.0, 4.0, print).runs_of(runs) == runs[:6]  # the last one begins 4 s after the part
-    assert FirstPart(30.0, 34.0, print).runs_of(runs) == ()
-    assert FirstPart(1.0, 4.0, print).runs_of(runs[:3]) == ()
-
-
-def test_a_part_of_few_runs_is_that_of_the_whole_dance(dance, repertoire, monkeypatch):
-    whole = FirstPart.runs_of
-    monkeypatch.setattr(FirstPart, "runs_of", lambda self, runs: [])
-    [(expected, _)], _ = shown(dance, repertoire, 0.5, 1.5)
+def test_a_part_is_that_of_the_runs_until_shortly_after_it(dance, repertoire, monkeypatch):
     counts = []
 
-    def few(self, runs):
-        found = whole(self, [*runs, *runs])  # as if the dance were twice as long
-        counts.append((len(found), len(runs)))
-        return found
+    def counted(runs, *given, **settings):
+        counts.append(len(runs))
+        return assemble(runs, *given, **settings)
 
-    monkeypatch.setattr(FirstPart, "runs_of", few)
-    [(part, _)], rendered = shown(dance, repertoire, 0.5, 1.5)
-    assert 0 < counts[0][0] < counts[0][1]
-    assert part.local_quat.tobytes() == expected.local_quat.tobytes()
-    assert part.root_pos_m.tobytes() == expected.root_pos_m.tobytes()
-    assert rendered.local_quat.tobytes() == dance.motion.local_quat.tobytes()
+    monkeypatch.setattr("choreograph.render.rendering.assemble", counted)
+    n_runs = len(plan_runs(dance.plan))
+    for end_s in (1.5, dance.plan.duration_s):
+        render_part(dance.plan, repertoire, Memory(), 0.5, end_s)
+    assert counts[0] < counts[1] == n_runs
 
 
-def test_nothing_is_told_beyond_the_end(dance, repertoire):
-    told, whole = shown(dance, repertoire, 100.0, 105.0)
-    assert told == [] and whole.local_quat.tobytes() == dance.motion.local_quat.tobytes()
+def test_nothing_is_shown_beyond_the_end(dance, repertoire):
+    assert render_part(dance.plan, repertoire, Memory(), 100.0, 105.0) is None
+    FirstPart(100.0, 105.0, pytest.fail).show(dance.plan, repertoire, Memory())
 
 
 def test_held_poses_of_a_part_of_a_plan_have_its_times(dance):
