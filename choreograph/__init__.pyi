@@ -38,12 +38,12 @@ from .motion.skeleton import Skeleton as Skeleton
 from .music.song import Song as Song
 from .music.song import load_song as load_song
 from .music.song_features import SongFeatures as SongFeatures
-from .pipeline.alternatives import Alternative as Alternative
 from .pipeline.building import build as build
-from .pipeline.changing import change_takes as change_takes
+from .pipeline.building import change_takes as change_takes
 from .pipeline.counting import count_file as count_file
 from .pipeline.dancing import Dance as Dance
 from .pipeline.dancing import dance as dance
+from .pipeline.editing import Alternative as Alternative
 from .pipeline.editing import edit as edit
 from .pipeline.rollout_stream import RolloutFrame as RolloutFrame
 from .pipeline.rollout_stream import RolloutStream as RolloutStream

@@ -27,7 +27,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.motion.body import body_pos_m
-from choreograph.pipeline.rearranging import joins_s
+from choreograph.pipeline.editing import joins_s
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Pieces of takes that may be danced in a part of an existing dance, and their costs.
+"""Pieces of takes that may be danced in a part of an existing dance, their costs, and what is said of them.
 
 A piece is a part of one take of a whole number of counts, which is played count by count. It begins and ends
 with the counts that lead from and to the dance around it.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -15,14 +16,93 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.edits import EditSlots
 from choreograph.choreography.mixer.words import AROUND_S
-from choreograph.choreography.piece_bank import PieceBank, Surroundings
-from choreograph.choreography.piece_reasons import reasons
-from choreograph.core.counts import UNKNOWN
+from choreograph.core.counts import UNKNOWN, Counts, bar_positions
 from choreograph.core.numerics import Floats, Indices
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
+from choreograph.library.repertoire import Repertoire
+from choreograph.library.vocabulary import dance_bounds_s, poses_at
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import clips_to_root_frame, ground_pos_m, heading_rad
-from choreograph.plan.plan import PlannedWord
+from choreograph.motion.body import body_pos_m, clips_to_root_frame, ground_pos_m, heading_rad
+from choreograph.motion.motion import Credits, Motion
+from choreograph.music.count_grids import accent_shifts_s
+from choreograph.plan.plan import Plan, PlannedWord
+
+# The counts of all takes, on which pieces begin and end.
+
+
+NEAR_S = 0.12  # of the start of a word from a count that is its start
+
+
+class PieceBank:
+    """The counts of the takes of a repertoire, with their positions in the bar and their motifs."""
+
+    def __init__(self, repertoire: Repertoire) -> None:
+        self.repertoire = repertoire
+        self._motifs: dict[int, Indices] = {}
+
+    @cached_property
+    def counts_s(self) -> list[Floats]:
+        """The counts (Q,) of each take, moved to its accents and continued to its ends."""
+        found = []
+        for take, info in enumerate(self.repertoire.takes):
+            counts_s = self.repertoire.counts(take).times_s
+            beats_s = self.repertoire.motion_beats_s(take)
+            if len(counts_s) < 2:
+                counts_s = beats_s
+            found.append(dance_bounds_s(counts_s + accent_shifts_s(beats_s, counts_s), info.duration_s))
+        return found
+
+    @cached_property
+    def positions(self) -> list[Indices]:
+        """The position in the bar (Q,) of each count of each take, as of `bar_positions`."""
+        return [bar_positions(s, self.repertoire.counts(take)) for take, s in enumerate(self.counts_s)]
+
+    def motifs(self, take: int) -> Indices:
+        """The motif (Q,) of the word that begins on each count of a take, -1 where there is none."""
+        if take not in self._motifs:
+            times_s = self.counts_s[take]
+            motifs = np.full(len(times_s), -1, np.int64)
+            if self.repertoire.has_vocabulary:
+                v = self.repertoire.vocabulary
+                words = v.words_of_take(take)
+                if len(v.word_start_s[words]):
+                    away_s = np.abs(v.word_start_s[words] - times_s[:, None])  # (Q, W)
+                    nearest = away_s.argmin(axis=1)
+                    near = away_s[np.arange(len(times_s)), nearest] < NEAR_S
+                    motifs[near] = v.word_motif[words][nearest[near]]
+            self._motifs[take] = motifs
+        return self._motifs[take]
+
+
+# The existing dance around an edit.
+
+
+class Surroundings:
+    """An existing dance, with its counts, its poses, and the takes that it is made of."""
+
+    def __init__(self, plan: Plan, motion: Motion, bounds_s: Floats) -> None:
+        self.plan, self.bounds_s, self.fps = plan, bounds_s, motion.fps
+        self.body_m = body_pos_m(motion)  # (T, 21, 3)
+        self.blocks = plan.planned_blocks
+        numbers = np.array(plan.music_beat_numbers, np.int64)
+        beats_s = np.array(plan.music_beats_s)
+        counts = Counts(beats_s, numbers if len(numbers) else np.zeros(len(beats_s), np.int64), plan.metre)
+        self.positions = bar_positions(bounds_s, counts)  # (N + 1,)
+
+    def poses_m(self, times_s: Floats) -> Floats:
+        """Poses (..., 21, 3) of the dance at times (...)."""
+        return poses_at(self.body_m, self.fps, times_s)
+
+    def source_at(self, at_s: float) -> tuple[str, float]:
+        """The take that is danced at a time, and the time in it."""
+        block = next((b for b in self.blocks if b.start_s <= at_s < b.end_s), self.blocks[-1])
+        return block.planned.take, block.source_s(at_s)
+
+    def credits(self, slots: EditSlots) -> list[Credits]:
+        """The credits of the takes in a span."""
+        start_s, end_s = self.bounds_s[[slots.first, slots.stop]]
+        return [b.planned.credits for b in self.blocks if b.start_s < end_s and b.end_s > start_s]
+
 
 # The pieces for the slots of an edit, and what they cost.
 
@@ -300,3 +380,58 @@ def _words(
         )
         for i in range(len(bounds_s) - 1)
     )  # fmt: skip
+
+
+# Why a piece: how it differs from the dance that it would replace, in words.
+
+_LOUDER = 0.25  # octaves of the speed of the joints
+_FASTER = 0.12  # octaves of the tempo
+_HARD_M = 0.4  # of both joins
+
+
+def reasons(
+    bank: PieceBank, around: Surroundings, slots: EditSlots, take: int, motifs: Indices, counts_s: Floats,
+    louder: float, joins_m: float,
+) -> str:  # fmt: skip
+    """How a piece differs from the dance there, such as "same motif, quieter, from another dancer"."""
+    credits, bounds_s = bank.repertoire.takes[take].credits, around.bounds_s
+    genres, performers = (
+        {getattr(one, name) for one in around.credits(slots)} for name in ("genre", "performer")
+    )
+    said = []
+    asked = motifs[slots.before : len(motifs) - slots.after]
+    here = _motifs_of_dance(bank, around, slots)
+    if (asked >= 0).any() and (here >= 0).any():
+        same = float(np.mean((asked == here) & (asked >= 0)))
+        said.append(("same motif" if len(asked) == 1 else "same motifs") if same >= 0.5 else "other motifs")
+    if abs(louder) >= _LOUDER:
+        said.append("livelier" if louder > 0 else "quieter")
+    octaves = np.log2((counts_s[-1] - counts_s[0]) / (bounds_s[slots.end] - bounds_s[slots.begin]))
+    if abs(octaves) >= _FASTER:
+        said.append("played faster" if octaves > 0 else "played slower")
+    if credits.genre and credits.genre not in genres:
+        said.append(f"{credits.genre} instead of {' and '.join(sorted(genres - {''})) or 'none'}")
+    if joins_m >= _HARD_M:
+        said.append("with a harder join")
+    names = {around.source_at(float(at_s))[0] for at_s in bounds_s[slots.first : slots.stop]}
+    if bank.repertoire.takes[take].name in names:
+        said.append("from the same take")
+    elif credits.performer and credits.performer not in performers:
+        said.append("from another dancer")
+    else:
+        said.append("from another take")
+    return ", ".join(said)
+
+
+def _motifs_of_dance(bank: PieceBank, around: Surroundings, slots: EditSlots) -> Indices:
+    """The motif of the dance in each of the slots that were asked for, -1 where it is not known."""
+    names = [info.name for info in bank.repertoire.takes]
+    found = np.full(slots.stop - slots.first, -1, np.int64)
+    for i, at_s in enumerate(around.bounds_s[slots.first : slots.stop].tolist()):
+        name, source_s = around.source_at(at_s + 1e-6)
+        if name in names:
+            take = names.index(name)
+            away_s = np.abs(bank.counts_s[take] - source_s)
+            if away_s.min() < NEAR_S:
+                found[i] = bank.motifs(take)[int(away_s.argmin())]
+    return found

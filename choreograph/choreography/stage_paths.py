@@ -14,7 +14,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import scipy
 
-from choreograph.choreography.formations import eye_of, in_windows
+from choreograph.choreography.scenes import eye_of, in_windows
 from choreograph.core.counts import counts_later_s
 from choreograph.core.numerics import Floats
 from choreograph.motion.body import BODY_JOINTS, body_pos_m

@@ -23,12 +23,11 @@ from choreograph.formats import motion_formats
 
 if TYPE_CHECKING:
     from choreograph.characters.gltf_character import GltfCharacter
-    from choreograph.choreography.loops import LoopPoints
     from choreograph.core.counts import Figure
     from choreograph.formats.bvh import BvhOptions, Naming, RestPose
     from choreograph.formats.targets import TargetName
     from choreograph.motion.motion import Motion
-    from choreograph.pipeline.counting import CountedFile
+    from choreograph.pipeline.counting import CountedFile, LoopPoints
 
 AnyCommand = TypeVar("AnyCommand", bound=Callable[..., Any])
 NAMINGS: tuple[Naming, ...] = ("smpl", "mixamo", "ue", "vrm", "humanoid", "rigify")

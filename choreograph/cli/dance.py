@@ -244,7 +244,7 @@ class SongDances:
     def _rendered(self, repertoire: Repertoire) -> Dance:
         """The dance of the plan, with the sound of a song if there is one."""
         import choreograph as cg
-        from choreograph.pipeline.figures import danced_figures
+        from choreograph.pipeline.dancing import danced_figures
         from choreograph.pipeline.keeping import render_file
 
         assert self.plan_path is not None

@@ -42,7 +42,6 @@ from choreograph.motion.cameras import CameraMode, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.music.song import Song, as_song, check_span
-from choreograph.pipeline.figures import danced_figures, figures_from
 from choreograph.pipeline.keeping import (
     ExistingDance,
     check_same_song,
@@ -59,6 +58,7 @@ from choreograph.render.filled_gaps import LoopedMotion, looped
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
 
 DEFAULTS = DanceConfig()
+SHORTEST_FIGURE_S = 0.25  # parts of a figure that are shorter say little of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,3 +384,51 @@ def _as_existing(existing: object, keep: Sequence[Keep], repertoire: Repertoire)
     if not isinstance(existing, str | Path):
         raise unexpected("an existing dance as a Dance or a path", existing)
     return read_existing(existing, repertoire)
+
+
+# The figures that a dance consists of, by the takes of its plan.
+
+
+def danced_figures(plan: Plan, repertoire: Repertoire) -> tuple[Figure, ...]:
+    """The figures of the takes that are danced, in seconds of the dance and in order.
+
+    A figure of which a part is danced has the time of that part. Parts that follow each other are one.
+    Takes without figures and dances of networks have none.
+    """
+    index_of = {take.name: index for index, take in enumerate(repertoire.takes)}
+    found: list[Figure] = []
+    for block in plan.blocks:
+        take = index_of.get(block.source)
+        length_s = block.source_end_s - block.source_start_s
+        if take is None or block.kept or length_s <= 0.0:
+            continue
+        speed = (block.end_s - block.start_s) / length_s
+        for figure in repertoire.figures(take):
+            start_s = max(figure.start_s, block.source_start_s)
+            end_s = min(figure.end_s, block.source_end_s)
+            if end_s <= start_s:
+                continue
+            part = Figure(
+                figure.name,
+                block.start_s + speed * (start_s - block.source_start_s),
+                block.start_s + speed * (end_s - block.source_start_s),
+                figure.n_counts,
+            )
+            before = found[-1] if found else None
+            same = before is not None and before.name == part.name
+            if before is not None and same and part.start_s - before.end_s < SHORTEST_FIGURE_S:
+                found[-1] = Figure(part.name, before.start_s, part.end_s, part.n_counts)
+            else:
+                found.append(part)
+    return tuple(figure for figure in found if figure.end_s - figure.start_s >= SHORTEST_FIGURE_S)
+
+
+def figures_from(figures: Sequence[Figure], start_s: float) -> tuple[Figure, ...]:
+    """The figures of a part of a dance that begins at `start_s`, with times from there."""
+    if start_s == 0.0:
+        return tuple(figures)
+    return tuple(
+        replace(figure, start_s=max(0.0, figure.start_s - start_s), end_s=figure.end_s - start_s)
+        for figure in figures
+        if figure.end_s > start_s
+    )

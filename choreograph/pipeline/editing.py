@@ -1,10 +1,15 @@
-"""Edits of dances, each of which changes a part and leaves all other frames as they are."""
+"""Edits of dances, each of which changes a part and leaves all other frames as they are.
+
+A part is danced with other pieces of takes, with what the dance has elsewhere, or with a pose that is held.
+`alternatives` lists what else could be danced there.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -22,24 +27,32 @@ from choreograph.choreography.edits import (
     slot_bounds_s,
 )
 from choreograph.choreography.enforcement import danced_motifs
-from choreograph.choreography.piece_bank import PieceBank, Surroundings
-from choreograph.choreography.pieces import Piece, PieceRequest, distinct, ranked_pieces
+from choreograph.choreography.pieces import (
+    APART_M,
+    Piece,
+    PieceBank,
+    PieceRequest,
+    Surroundings,
+    distinct,
+    pose_distance_m,
+    ranked_pieces,
+)
 from choreograph.choreography.slots import resolve_bans
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import as_list, check_function, is_whole, unexpected
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import default_numerics, one_thread
+from choreograph.core.numerics import Floats, default_numerics, one_thread
 from choreograph.core.progress import ProgressReport
+from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 from choreograph.library.repertoire import Repertoire, as_repertoire
-from choreograph.motion.motion import Motion
+from choreograph.motion.body import body_pos_m, clips_to_root_frame
+from choreograph.motion.motion import Credits, Motion
 from choreograph.music.song import Song
-from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.figures import danced_figures
+from choreograph.pipeline.dancing import Dance, danced_figures
 from choreograph.pipeline.keeping import check_same_song, kept_file_plan, part_of, read_existing
-from choreograph.pipeline.rearranging import hold, moved_join, repetition
 from choreograph.plan.joins import take_motions
-from choreograph.plan.plan import TOUCH_S, PlannedEdit
+from choreograph.plan.plan import TOUCH_S, Block, Plan, PlannedEdit, PlannedWord, goes_on, words_between
 from choreograph.render.assembly import off_stage
 from choreograph.render.rendering import with_edit
 
@@ -321,3 +334,237 @@ class Editor:
             else:
                 joined.append((start_s, end_s))
         return joined
+
+
+# Edits that dance what is danced already at other times: repetitions, held poses and moved joins.
+
+_NEAR_COUNTS = 1.0  # of a join, at most, from where it is asked for
+_TEMPO_S = 2.0  # of a take beside a join, whose mean speed the take keeps
+
+
+def repetition(one: Repeat, plan: Plan, bounds_s: Floats) -> PlannedEdit:
+    """The edit that dances a part again, count by count, on slots with `bounds_s` (N + 1,).
+
+    Raises `ParameterError` if it does not fit into the dance, or for a part whose takes are not known.
+    """
+    source = edit_slots(one.start_s, one.end_s, bounds_s)
+    n = source.stop - source.first
+    first = int(np.abs(bounds_s - one.at_s).argmin())
+    if not 0 <= one.at_s < plan.duration_s or first + n >= len(bounds_s):
+        raise ParameterError(
+            f"expected {one} to end within the dance of {plan.duration_s:g} s, got {n} counts from "
+            f"{one.at_s:g} s on"
+        )
+    target = edit_slots(float(bounds_s[first]), float(bounds_s[first + n]), bounds_s)
+    before, after = min(source.before, target.before), min(source.after, target.after)
+    begin, end = source.first - before, source.stop + after
+    from_s = bounds_s[begin : end + 1]
+    words = words_between(plan.planned_blocks, float(from_s[0]), float(from_s[-1]), from_s.tolist())
+    to_s = bounds_s[target.first - before : target.stop + after + 1]
+    return _edit([_moved(word, from_s, to_s, mirrored=one.mirrored) for word in words], one)
+
+
+def hold(one: Hold, plan: Plan, bounds_s: Floats) -> PlannedEdit:
+    """The edit that holds the pose at the start of a part until its end, between slots with `bounds_s`.
+
+    The dance comes to rest in the counts before it, and sets off as it was after it. Raises as `repetition`.
+    """
+    slots = edit_slots(one.start_s, one.end_s, bounds_s)
+    begin_s, start_s, stop_s, end_s = bounds_s[[slots.begin, slots.first, slots.stop, slots.end]].tolist()
+    before = _danced(plan, begin_s, start_s, bounds_s)
+    after = _danced(plan, stop_s, end_s, bounds_s)
+    last = before[-1] if before else _danced(plan, start_s, stop_s, bounds_s)[0]
+    pose_s = last.source_end_s if before else last.source_start_s
+    held = replace(
+        last, start_s=start_s, end_s=stop_s, motif=0, source_start_s=pose_s, source_end_s=pose_s, pinned=False
+    )
+    return _edit([*before, held, *after], one)
+
+
+def joins_s(plan: Plan) -> list[float]:
+    """The times at which one take gives way to another, or to another part of itself."""
+    return [after.start_s for one, after in pairwise(plan.blocks) if not goes_on(one, after)]
+
+
+def moved_join(one: MoveJoin, plan: Plan, bounds_s: Floats, repertoire: Repertoire) -> PlannedEdit:
+    """The edit that moves a join by counts, to one of `bounds_s` (N + 1,).
+
+    Raises `ParameterError` if there is no join within a count of its time, if the next join or the end of a
+    take is too near, or for takes that are not known.
+    """
+    known_s = joins_s(plan)
+    at_s = min(known_s, key=lambda join_s: abs(join_s - one.at_s), default=np.inf)
+    count_s = float(np.median(np.diff(bounds_s)))
+    if abs(at_s - one.at_s) > _NEAR_COUNTS * count_s:
+        said = f"got one at {at_s:.2f} s" if known_s else "got one take without joins"
+        raise ParameterError(f"expected a join of takes within a count of {one.at_s:.2f} s, {said}")
+    slot = int(np.abs(bounds_s - at_s).argmin()) + one.counts
+    lowest_s = max((join_s for join_s in known_s if join_s < at_s), default=0.0)
+    highest_s = min((join_s for join_s in known_s if join_s > at_s), default=plan.duration_s)
+    to_s = float(bounds_s[slot]) if 0 < slot < len(bounds_s) - 1 else np.inf
+    if not lowest_s + TOUCH_S < to_s < highest_s - TOUCH_S:
+        raise ParameterError(
+            f"expected the join at {at_s:.2f} s to stay between those beside it, at {lowest_s:.2f} and "
+            f"{highest_s:.2f} s, got {one.counts:+d} counts"
+        )
+    first_s, last_s = min(at_s, to_s), max(at_s, to_s)
+    slots = edit_slots(first_s, last_s, bounds_s, outwards=True)
+    begin_s, end_s = bounds_s[[slots.begin, slots.end]].tolist()
+    longer = _longer(plan, at_s, to_s, bounds_s, repertoire)
+    before, after = _danced(plan, begin_s, first_s, bounds_s), _danced(plan, last_s, end_s, bounds_s)
+    return _edit([*before, *longer, *after], one)
+
+
+def _longer(
+    plan: Plan, at_s: float, to_s: float, bounds_s: Floats, repertoire: Repertoire
+) -> list[PlannedWord]:
+    """The take before the join at `at_s`, danced on until `to_s`, or the one after it, danced from there."""
+    blocks = plan.blocks
+    index = next(i for i, block in enumerate(blocks) if block.start_s == at_s)
+    later = to_s > at_s
+    here = blocks[index - 1] if later else blocks[index]
+    speed = _speed(blocks, index - 1 if later else index, -1 if later else 1)
+    take = here.planned.take
+    border_s = here.source_end_s if later else here.source_start_s
+    times_s = np.array([min(at_s, to_s), *_inside(bounds_s, at_s, to_s), max(at_s, to_s)])
+    source_s = border_s + speed * (times_s - at_s)
+    length_s = repertoire.takes[repertoire.take_index(take)].duration_s if take else 0.0
+    if source_s[0] < 0 or source_s[-1] > length_s:
+        known_s = (length_s - border_s if later else border_s) / speed
+        raise ParameterError(
+            f"expected a join that moves by at most {max(known_s, 0.0):.1f} s, since {take or 'the take'} "
+            f"{'ends' if later else 'begins'} there, got {abs(to_s - at_s):.1f} s"
+        )
+    credits: Credits = here.planned.credits
+    spans = zip(pairwise(times_s.round(6).tolist()), pairwise(source_s.round(6).tolist()), strict=True)
+    return [
+        PlannedWord(*span_s, 0, take, *part_s, credits, mirrored=here.mirrored) for span_s, part_s in spans
+    ]
+
+
+def _speed(blocks: tuple[Block, ...], index: int, step: int) -> float:
+    """The mean speed of a take on one side of a join: of the block there, and of those that it continues."""
+    dance_s = source_s = 0.0
+    here = index
+    while dance_s < _TEMPO_S:
+        dance_s += blocks[here].end_s - blocks[here].start_s
+        source_s += blocks[here].source_end_s - blocks[here].source_start_s
+        there = here + step
+        if not 0 <= there < len(blocks) or not goes_on(blocks[min(here, there)], blocks[max(here, there)]):
+            break
+        here = there
+    return float(np.clip(source_s / dance_s, MIN_SLOPE, MAX_SLOPE))
+
+
+def _inside(bounds_s: Floats, one_s: float, other_s: float) -> list[float]:
+    """The counts between two times, apart from those at the times themselves."""
+    low_s, high_s = min(one_s, other_s), max(one_s, other_s)
+    near_s = 0.25 * float(np.median(np.diff(bounds_s)))
+    found: list[float] = bounds_s[(bounds_s > low_s + near_s) & (bounds_s < high_s - near_s)].tolist()
+    return found
+
+
+def _danced(plan: Plan, start_s: float, end_s: float, bounds_s: Floats) -> list[PlannedWord]:
+    """What is danced between two times, count by count, or nothing if they are the same."""
+    if end_s - start_s < TOUCH_S:
+        return []
+    return list(words_between(plan.planned_blocks, start_s, end_s, bounds_s.tolist()))
+
+
+def _edit(words: list[PlannedWord], one: Repeat | Hold | MoveJoin) -> PlannedEdit:
+    if not all(word.take for word in words):
+        raise ParameterError(f"expected {one} of takes, got a part whose takes are not known")
+    return PlannedEdit(words[0].start_s, words[-1].end_s, str(one), tuple(words))
+
+
+def _moved(word: PlannedWord, from_s: Floats, to_s: Floats, *, mirrored: bool) -> PlannedWord:
+    """A word at other counts of the dance, (N,) instead of (N,), or its mirror image there."""
+    start_s, end_s = np.interp([word.start_s, word.end_s], from_s, to_s).round(6).tolist()
+    return replace(word, start_s=start_s, end_s=end_s, mirrored=word.mirrored != mirrored)
+
+
+# What else could be danced in a part, what it costs, and how it differs.
+
+_COMPARED_FPS = 20.0  # of the rendered alternatives
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """A dance in which one part is danced otherwise, what that costs, and how it differs.
+
+    Examples
+    --------
+    >>> session = cg.Session(cg.example_songs()["house"], duration_s=8)
+    >>> first, second = session.alternatives((3.0, 5.0), n=2)
+    >>> first
+    <Alternative from 2.67 to 5.57 s, cost ...: ...>
+    >>> first.dance.plan.edits[-1].words[0].take != ""
+    True
+    """
+
+    dance: Dance
+    """The whole dance, with this part in it."""
+
+    start_s: float
+    """When the part that differs begins, in seconds."""
+
+    end_s: float
+    """When it ends, in seconds."""
+
+    costs: dict[str, float]
+    """Its costs by name, in metres of joint distance."""
+
+    why: str
+    """How it differs, such as "same motifs, quieter, from another dancer"."""
+
+    @property
+    def cost(self) -> float:
+        """The sum of its costs."""
+        return sum(self.costs.values())
+
+    def __repr__(self) -> str:
+        return (
+            f"<Alternative from {self.start_s:.2f} to {self.end_s:.2f} s, cost {self.cost:.2f}: {self.why}>"
+        )
+
+
+@default_numerics()
+@one_thread()
+def alternatives(
+    dance: Dance, repertoire: Repertoire, span_s: tuple[float, float], n: int
+) -> tuple[Alternative, ...]:
+    """As `Session.alternatives`, for a dance of takes of a repertoire."""
+    if not is_whole(n) or n < 1:
+        raise unexpected("a number of alternatives of 1 or more", n)
+    editor = Editor(dance, repertoire, (), 0)
+    asked = edit_slots(*span_s, editor.bounds_s)
+    slots, found = editor.pieces(asked, PieceRequest(editor.allowed))
+    times_s = editor.bounds_s[[slots.first, slots.stop]]
+    shown_m = [_poses_m(dance.motion, times_s)]
+    made: list[Alternative] = []
+    looked: list[Piece] = []
+    for piece in found:
+        if len(made) == n:
+            break
+        if any(pose_distance_m(piece.poses_m, other.poses_m) < APART_M for other in looked):
+            continue
+        planned = planned_edit(piece, f"swap {times_s[0]:g}-{times_s[1]:g}")
+        motion = editor.rendered(planned)
+        poses_m = _poses_m(motion, times_s)
+        if any(pose_distance_m(poses_m, other_m) < APART_M for other_m in shown_m):
+            continue
+        shown_m.append(poses_m)
+        looked.append(piece)
+        plan = replace(dance.plan, edits=(*dance.plan.edits, planned))
+        figures = danced_figures(plan, repertoire)
+        other = Dance(motion, plan, off_stage(motion, plan.stage), dance.song_path, figures=figures)
+        made.append(Alternative(other, planned.start_s, planned.end_s, piece.costs, piece.why))
+    return tuple(made)
+
+
+def _poses_m(motion: Motion, span_s: Floats) -> Floats:
+    """Poses (S, 21, 3) of a part of a motion, moved rigidly to one place and heading."""
+    first, stop = (span_s * motion.fps).round().astype(int)
+    step = max(1, round(motion.fps / _COMPARED_FPS))
+    poses_m: Floats = clips_to_root_frame(body_pos_m(motion.sliced(first, max(stop, first + 1)))[::step])
+    return poses_m

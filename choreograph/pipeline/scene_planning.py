@@ -8,9 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from choreograph.characters.gltf_character import GltfCharacter
-from choreograph.choreography.formations import formation_places
-from choreograph.choreography.relations import Relation, dancer_parts, pair_of
-from choreograph.choreography.schedule import Scheduled, borders_s, parse_schedule, values_at
+from choreograph.choreography.scenes import (
+    Relation,
+    Scheduled,
+    borders_s,
+    dancer_parts,
+    formation_places,
+    pair_of,
+    parse_schedule,
+    values_at,
+)
 from choreograph.choreography.stage_paths import (
     LEAST_GAP_M,
     MARGIN_M,

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
+import numpy as np
+
 from choreograph.characters.gltf_character import GltfCharacter, read_character
 from choreograph.choreography.constraints import parse_ban
 from choreograph.choreography.song_analysis import analyse_song
@@ -20,7 +22,7 @@ from choreograph.core.arguments import (
     is_whole,
     unexpected,
 )
-from choreograph.core.counts import Figure
+from choreograph.core.counts import Figure, counts_later_s
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart
 from choreograph.core.numerics import default_numerics
@@ -33,8 +35,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.cameras import CameraMode, CameraPath, plan_cameras
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
-from choreograph.pipeline.dancing import DEFAULTS, Dance, dance
-from choreograph.pipeline.figures import danced_figures, figures_of_parts
+from choreograph.pipeline.dancing import DEFAULTS, SHORTEST_FIGURE_S, Dance, dance, danced_figures
 from choreograph.pipeline.saving import (
     SavedParts,
     check_options,
@@ -47,7 +48,7 @@ from choreograph.pipeline.scene_planning import SceneRequest, dancer_names, plan
 from choreograph.pipeline.session import Session
 from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import Plan
-from choreograph.plan.scenes import MOST_DANCERS, PlannedRequest, ScenePlan
+from choreograph.plan.scenes import MOST_DANCERS, DancerPart, PlannedRequest, ScenePlan
 from choreograph.render.rendering import render, with_edit
 from choreograph.render.scene import render_scene
 from choreograph.settings import DanceConfig, DanceSettings, as_config, as_weights
@@ -359,6 +360,29 @@ def scene_of(
         for index, (planned, motion) in enumerate(zip(plan.dancers, motions, strict=True))
     )
     return Scene(dancers, plan, notes, song_path)
+
+
+def figures_of_parts(
+    parts: Sequence[DancerPart], of_dances: Sequence[Sequence[Figure]], plan: Plan
+) -> tuple[Figure, ...]:
+    """The figures that a dancer of a scene dances, in order, from those of each of its dances.
+
+    Where a pose is held, the figure before goes on. `plan` is that of the leader's dance, with the counts.
+    """
+    found: list[Figure] = []
+    for part in parts:
+        if part.held:
+            if found and found[-1].end_s >= part.start_s - SHORTEST_FIGURE_S:
+                found[-1] = replace(found[-1], end_s=part.end_s)
+            continue
+        for figure in of_dances[part.dance]:
+            later_s = np.array([figure.start_s, figure.end_s])
+            if part.delay_counts:
+                later_s = counts_later_s(plan.music_beats_s, later_s, part.delay_counts)
+            start_s, end_s = max(float(later_s[0]), part.start_s), min(float(later_s[1]), part.end_s)
+            if end_s > start_s:
+                found.append(replace(figure, start_s=start_s, end_s=end_s))
+    return tuple(found)
 
 
 def _names(dancers: object) -> tuple[str, ...]:

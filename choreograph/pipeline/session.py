@@ -30,9 +30,8 @@ from choreograph.library.vocabulary import signature
 from choreograph.motion.motion import Take
 from choreograph.motion.retargeting import retarget
 from choreograph.music.song import Song, as_song, check_span
-from choreograph.pipeline.alternatives import Alternative, alternatives
 from choreograph.pipeline.dancing import DEFAULTS, Dance, DanceArguments, dance_with
-from choreograph.pipeline.editing import as_dance
+from choreograph.pipeline.editing import Alternative, alternatives, as_dance
 from choreograph.plan.plan import Plan
 from choreograph.settings import MAX_VARIATIONS, DanceConfig, as_config
 

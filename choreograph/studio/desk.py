@@ -23,10 +23,8 @@ from choreograph.library.builtin import STARTER_PATH
 from choreograph.library.repertoire import Repertoire, starter_repertoire
 from choreograph.music.song import Song, load_song
 from choreograph.music.song_features import SongFeatures
-from choreograph.pipeline.alternatives import Alternative, alternatives
-from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.editing import Editor, edit, planned_edit
-from choreograph.pipeline.figures import danced_figures
+from choreograph.pipeline.dancing import Dance, danced_figures
+from choreograph.pipeline.editing import Alternative, Editor, alternatives, edit, planned_edit
 from choreograph.pipeline.planning import FirstPart
 from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import PlannedEdit

@@ -19,8 +19,7 @@ from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport
 from choreograph.formats import output_formats
-from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.figures import figures_from
+from choreograph.pipeline.dancing import Dance, figures_from
 from choreograph.pipeline.saving import SavedParts, options_used, save_dance
 from choreograph.pipeline.scenes import scene_paths
 from choreograph.studio.jobs import Job

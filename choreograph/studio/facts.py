@@ -34,8 +34,7 @@ from choreograph.music.places import Places
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
-from choreograph.pipeline.editing import Editor
-from choreograph.pipeline.rearranging import joins_s
+from choreograph.pipeline.editing import Editor, joins_s
 from choreograph.plan.plan import Block, Plan, PlannedSecond, goes_on
 from choreograph.view.page import dance_facts
 from choreograph.view.page_data import (

@@ -26,8 +26,7 @@ from pathlib import Path
 from shutil import copyfile
 from typing import Any, Literal
 
-from choreograph.choreography.formations import FORMATIONS
-from choreograph.choreography.schedule import parse_schedule
+from choreograph.choreography.scenes import FORMATIONS, parse_schedule
 from choreograph.core.arguments import check_choice, check_text, is_number, is_whole, unexpected
 from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError

@@ -16,7 +16,7 @@ from shutil import rmtree
 from typing import Any, get_args
 
 from choreograph.characters.gltf_character import GltfCharacter, read_character
-from choreograph.choreography.formations import FORMATIONS
+from choreograph.choreography.scenes import FORMATIONS
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import locked_folder
 from choreograph.library.repertoire import Repertoire

@@ -22,8 +22,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
-from choreograph.pipeline.dancing import Dance, dance_with
-from choreograph.pipeline.figures import danced_figures
+from choreograph.pipeline.dancing import Dance, dance_with, danced_figures
 from choreograph.pipeline.scene_planning import PlannedScene, SceneRequest, plan_scene, sizes_of
 from choreograph.pipeline.scenes import Scene, planned_requests, scene_of
 from choreograph.plan.joins import take_motions

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.choreography.formations import FORMATIONS, eye_of, formation_places, in_windows
+from choreograph.choreography.scenes import FORMATIONS, eye_of, formation_places, in_windows
 from choreograph.core.errors import FormatError, ParameterError
 
 

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from synthetic_motions import stepping
 
-from choreograph.choreography.loops import best_loops, pose_distances, song_distances
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.motion.body import body_pos_m
+from choreograph.pipeline.counting import best_loops, pose_distances, song_distances
 
 N = 40
 FPS = 60.0

@@ -14,7 +14,6 @@ from choreograph.choreography.material import Material, SectionGoal, takes_of_ge
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import CandidatePool
 from choreograph.choreography.motif_sequences import MotifGoal, motif_goal
-from choreograph.choreography.passage_slots import passage_slots
 from choreograph.choreography.passages import (
     DancedSoFar,
     TakeWords,
@@ -22,6 +21,7 @@ from choreograph.choreography.passages import (
     draw_passage,
     drawn_words,
     first_slots,
+    passage_slots,
 )
 from choreograph.choreography.rollout import engine as rollout
 from choreograph.choreography.rollout.generation import ASKED_DISTANCE

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from choreograph.choreography.edits import edit_slots, slot_bounds_s
-from choreograph.choreography.piece_bank import PieceBank, Surroundings
-from choreograph.choreography.pieces import PieceRequest, distinct, pose_distance_m, ranked_pieces
+from choreograph.choreography.pieces import (
+    PieceBank,
+    PieceRequest,
+    Surroundings,
+    distinct,
+    pose_distance_m,
+    ranked_pieces,
+)
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
 
 

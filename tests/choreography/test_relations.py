@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from choreograph.choreography.relations import CALM, Relation, dancer_parts, is_mirrored, n_counts, pair_of
+from choreograph.choreography.scenes import CALM, Relation, dancer_parts, is_mirrored, n_counts, pair_of
 from choreograph.core.errors import ParameterError
 
 BEATS_S = tuple(0.5 * beat for beat in range(1, 60))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from choreograph.choreography.schedule import parse_schedule, spans_of, values_at
+from choreograph.choreography.scenes import parse_schedule, spans_of, values_at
 from choreograph.core.errors import ParameterError
 from choreograph.music.places import Places
 

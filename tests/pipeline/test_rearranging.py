@@ -10,7 +10,7 @@ import pytest
 import choreograph as cg
 from choreograph.choreography.edits import slot_bounds_s
 from choreograph.motion.body import body_pos_m
-from choreograph.pipeline.rearranging import hold, joins_s, moved_join
+from choreograph.pipeline.editing import hold, joins_s, moved_join
 
 
 @pytest.fixture(scope="module")

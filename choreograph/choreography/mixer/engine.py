@@ -22,10 +22,9 @@ from choreograph.choreography.enforcement import (
 from choreograph.choreography.engine import Check, DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
-from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, search_words
+from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, WordCosts, search_words
 from choreograph.choreography.passages import SlotCosts, draw_dance, first_slots
 from choreograph.choreography.slots import ResolvedConstraints
-from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.free_memory import LONG_S

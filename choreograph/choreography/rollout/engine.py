@@ -23,7 +23,7 @@ from choreograph.choreography.engine import Check, DanceRequest, EngineResult
 from choreograph.choreography.graph.cost import Cost
 from choreograph.choreography.graph.costs import own_costs
 from choreograph.choreography.mixer.engine import sequence_notes
-from choreograph.choreography.mixer.words import WordBank
+from choreograph.choreography.mixer.words import WordBank, WordCosts
 from choreograph.choreography.passages import draw_dance, drawn_words
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
@@ -34,7 +34,6 @@ from choreograph.choreography.rollout.generation import (
     generate_motion,
 )
 from choreograph.choreography.slots import ResolvedConstraints
-from choreograph.choreography.word_costs import WordCosts
 from choreograph.core.counts import count_phase
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import Floats, Indices, frame_blocks

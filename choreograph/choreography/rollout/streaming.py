@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.material import takes_of_genre
 from choreograph.choreography.motif_sequences import draw_next_motif, motif_goal, possible_motifs
-from choreograph.choreography.passage_slots import passage_stop
-from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_passage
+from choreograph.choreography.passages import DancedSoFar, TakeWords, draw_passage, passage_stop
 from choreograph.choreography.rollout.generation import (
     SEED_FRAMES,
     SHIFT_S,
