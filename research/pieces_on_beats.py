@@ -84,7 +84,9 @@ def place_pieces(
         with_transitions(whole, timings), read_motion, fps=fps, duration_s=duration_s, blending="inertial"
     )
     held_from_s = closing_s if closing_s < duration_s - 0.5 else None
-    return lock_feet_at_joins(hold_ends(motion, opening_s, held_from_s), joins, opening_s, held_from_s)
+    held = hold_ends(motion, opening_s, held_from_s)
+    lock_feet_at_joins(held, joins, opening_s, held_from_s)
+    return held
 
 
 def _runs(pieces: Sequence[Piece], grid: SongGrid, first_index: int, duration_s: float) -> list[Run]:

@@ -132,7 +132,8 @@ def _likely_goals(
     for part, stop in zip(parts, stops, strict=True):
         second, genre = part.first_second, part.genre
         of_genre = every if genre == ALL_GENRES else takes_of_genre(repertoire, genre)
-        long_enough = _duration_s(repertoire, of_genre) >= stop - second
+        lengths_s = (repertoire.takes[take].duration_s for take in np.flatnonzero(of_genre))
+        long_enough = sum(lengths_s) >= stop - second
         goal = target_goal(constraints, repertoire, genre)
         goals.append(SectionGoal(second, goal, of_genre if long_enough else every, genre))
     return goals, (genre_note(parts),)
@@ -167,10 +168,6 @@ def takes_of_signature(vocabulary: Vocabulary, signature: Floats, n_takes: int) 
         overlap[take] = np.minimum(own, signature).sum()
     suits: Mask = overlap >= _SUITS * overlap.max()
     return suits
-
-
-def _duration_s(repertoire: Repertoire, takes: Mask) -> float:
-    return float(sum(repertoire.takes[take].duration_s for take in np.flatnonzero(takes)))
 
 
 # The counts of a genre in another metre than the song, aligned with the bars of the song as dancers do.

@@ -191,10 +191,6 @@ def save_counts(path: str | Path, counted: CountedFile) -> None:
     writer(path, counted)
 
 
-def _write_table(path: Path, counted: CountedFile) -> None:
-    write_counts(path, counted.counts, counted.figures)
-
-
 def _write_json(path: Path, counted: CountedFile) -> None:
     with atomic_path(path) as temporary:
         temporary.write_text(json.dumps(counted.facts(), indent=1) + "\n", encoding="utf-8")
@@ -238,7 +234,7 @@ def _take_of(counted: CountedFile, path: Path) -> Take:
 
 
 _WRITERS: Mapping[str, Callable[[Path, CountedFile], None]] = {
-    ".csv": _write_table,
+    ".csv": lambda path, counted: write_counts(path, counted.counts, counted.figures),
     ".json": _write_json,
     ".txt": _write_labels,
     ".glb": _write_marked_glb,

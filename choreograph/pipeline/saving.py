@@ -235,8 +235,7 @@ def save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> N
     write_page(
         path, parts.motion, parts.plan, song_path=parts.song_path, motion_beats_s=parts.motion_beats_s(),
         character=None if parts.character is None else _in_page(parts.character, parts),
-        camera=parts.camera,
-        report=substage(report, "writing the page"),
+        others=parts.others, camera=parts.camera, report=substage(report, "writing the page"),
     )  # fmt: skip
 
 

@@ -26,7 +26,7 @@ from choreograph.core.counts import Figure, counts_later_s
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart
 from choreograph.core.numerics import default_numerics
-from choreograph.core.progress import ProgressReport, counted, substage
+from choreograph.core.progress import ProgressReport, counted
 from choreograph.formats import formats_using, output_formats
 from choreograph.formats.glb import as_dance, scene_document
 from choreograph.formats.gltf_camera import with_camera
@@ -251,12 +251,9 @@ def planned_requests(
     return tuple(
         PlannedRequest.of(index, genre, bans, replace(config, engine=plan.engine, seed=plan.seed))
         for index, (plan, (genre, bans, config)) in enumerate(zip(plans, asked, strict=True))
-        if not (replace(plan, edits=()).from_takes or _is_unnamed(config.style_song))
+        if not replace(plan, edits=()).from_takes
+        and not (isinstance(config.style_song, Song) and config.style_song.path is None)
     )
-
-
-def _is_unnamed(song: object) -> bool:
-    return isinstance(song, Song) and song.path is None
 
 
 @default_numerics()
@@ -424,15 +421,11 @@ def _genres(genre: object, request: SceneRequest) -> tuple[str, ...]:
 def scene_paths(path: str | Path, n_dancers: int, *, characters: bool = False) -> tuple[Path, ...]:
     """The files that a scene writes for a path: the path itself, or NAME-1.bvh and so on for each dancer."""
     path = Path(path)
-    has_one = output_formats()[format_of(path)].together
-    if n_dancers == 1 or (has_one and not (characters and _holds_characters(format_of(path)))):
+    format = format_of(path)
+    one_each = characters and format in formats_using("character", in_scenes=True)
+    if n_dancers == 1 or (output_formats()[format].together and not one_each):
         return (path,)
     return tuple(path.with_name(f"{path.stem}-{number + 1}{path.suffix}") for number in range(n_dancers))
-
-
-def _holds_characters(format: str) -> bool:
-    """Whether the files of a format can hold the characters of a scene: a file for each."""
-    return format in formats_using("character", in_scenes=True)
 
 
 def check_scene_outputs(paths: Sequence[str | Path], n_dancers: int, *, characters: bool = False) -> None:
@@ -468,8 +461,6 @@ def save_scene(
         for dancer, own in zip(scene.dancers, paths, strict=True):
             parts = _parts(scene, dancer, with_clicks and suffix == "mp4", filmed)
             save_dance(own, replace(parts, character=dancer.character if used else None), report)
-    elif suffix == "html":
-        _save_page(scene, path, filmed, report)
     elif suffix in ("glb", "fbx"):
         names = [dancer.name for dancer in scene.dancers]
         document = scene_document(scene.motions, names)
@@ -489,17 +480,4 @@ def _parts(scene: Scene, dancer: Dancer, with_clicks: bool, filmed: CameraPath |
     return SavedParts(
         dance.motion, dance.plan, lambda: dance.motion_beats_s, scene.song_path, with_clicks, camera=filmed,
         figures=dance.figures,
-    )  # fmt: skip
-
-
-def _save_page(scene: Scene, path: Path, filmed: CameraPath | None, report: ProgressReport | None) -> None:
-    from choreograph.view.page import write_page
-
-    if report is not None:
-        report("writing the page", 0, 0)
-    leader = scene.dancers[0].dance
-    write_page(
-        path, leader.motion, leader.plan, song_path=scene.song_path,
-        motion_beats_s=leader.motion_beats_s, others=scene.motions[1:], camera=filmed,
-        report=substage(report, "writing the page"),
     )  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -64,7 +64,8 @@ def to_runs(takes: Sequence[str], source_times_s: Sequence[Sequence[float]]) -> 
     runs: list[Run] = []
     for second, (take, given) in enumerate(zip(takes, source_times_s, strict=True)):
         times = np.asarray(given, np.float64)
-        if runs and _continues(runs[-1], take, times[0]):
+        before = runs[-1] if runs else None
+        if before and before.take == take and abs(before.source_times_s[-1] - times[0]) < _SAME_INSTANT_S:
             longer = np.concatenate([runs[-1].source_times_s, times[1:]])
             runs[-1] = Run(take, runs[-1].start_s, second + 1.0, longer)
         else:
@@ -136,14 +137,11 @@ def overlay_runs(runs: Sequence[Run], instead: Sequence[Run]) -> list[Run]:
 def without_holes(runs: Sequence[Run], duration_s: float) -> list[Run]:
     """The runs of a dance, each extended at its speed to the middle of a hole beside it, or to an end."""
     borders_s = [0.0, *((before.stop_s + after.start_s) / 2 for before, after in pairwise(runs)), duration_s]
+    same = partial(np.allclose, rtol=0.0, atol=_SAME_INSTANT_S)
     return [
-        run if _covers(run, *span_s) else run.cut(*span_s)
+        run if same((run.start_s, run.stop_s), span_s) else run.cut(*span_s)
         for run, span_s in zip(runs, pairwise(borders_s), strict=True)
     ]
-
-
-def _covers(run: Run, start_s: float, stop_s: float) -> bool:
-    return abs(run.start_s - start_s) < _SAME_INSTANT_S and abs(run.stop_s - stop_s) < _SAME_INSTANT_S
 
 
 def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming]) -> list[Run]:
@@ -161,10 +159,6 @@ def with_transitions(runs: Sequence[Run], transitions: Sequence[TransitionTiming
         moved[index - 1] = before.cut(before.start_s, start_s)
         moved[index] = after.cut(start_s, after.stop_s)
     return moved
-
-
-def _continues(run: Run, take: str, source_s: float) -> bool:
-    return run.take == take and abs(run.source_times_s[-1] - source_s) < _SAME_INSTANT_S
 
 
 def _knots_s(start_s: float, stop_s: float) -> Floats:

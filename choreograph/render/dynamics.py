@@ -222,22 +222,14 @@ def _played(motion: Motion, frames: Floats) -> Motion:
     return part.sampled_smooth(frames - first)
 
 
-def hold_stops(motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float) -> Motion:
-    """The motion with the poses in which it stands still, from and until times, held as those at its ends.
-
-    It slows down and sets off within `ease_s` before both times.
-    """
-    if not stops_s:
-        return motion
-    held = copied(motion)
-    hold_stops_in_place(held, stops_s, ease_s)
-    return held
-
-
 def hold_stops_in_place(
     motion: Motion, stops_s: Sequence[tuple[float, float]], ease_s: float
 ) -> list[Replaced]:
-    """As `hold_stops`, but it changes the arrays of `motion`, as `hold_ends_in_place` does."""
+    """Hold the poses in which a motion stands still, from and until times, as those at its ends.
+
+    It slows down and sets off within `ease_s` before both times. As `hold_ends_in_place`, this changes the
+    arrays of `motion`.
+    """
     if not stops_s:
         return []
     times_s = frame_times_s(motion.n_frames, motion.fps)

@@ -238,7 +238,7 @@ def with_dynamics(motion: Motion, joins: Joins, plan: Plan) -> Motion:
         scale_in_place(motion, plan.amplitudes)
     hold()
     if plan.lock_feet:
-        lock_feet_in_place(motion, *_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts))
+        lock_feet_at_joins(motion, joins, plan.opening_s, plan.closing_s, contacts)
     return motion
 
 
@@ -248,22 +248,14 @@ def lock_feet_at_joins(
     opening_s: float = 0.0,
     closing_s: float | None = None,
     contacts: Floats | None = None,
-) -> Motion:
-    """The motion with its feet locked where they touch the floor, or by other `contacts` (T, 4).
+) -> None:
+    """Lock the feet of a motion where they touch the floor, or by other `contacts` (T, 4).
 
-    They are locked firmly near joins between the held poses.
+    They are locked firmly near joins between the held poses. The arrays of `motion` are changed.
     """
-    locked = copied(motion)
-    lock_feet_in_place(locked, *_at_joins(motion, joins, opening_s, closing_s, contacts))
-    return locked
-
-
-def _at_joins(
-    motion: Motion, joins: Joins, opening_s: float, closing_s: float | None, contacts: Floats | None
-) -> tuple[Floats, Floats]:
-    """Contacts (T, 4), unless they are given, and the times (T,) over which shifts of feet come and go."""
-    contacts = _contacts(motion, joins, opening_s, closing_s) if contacts is None else contacts
-    return contacts, joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S)
+    if contacts is None:
+        contacts = _contacts(motion, joins, opening_s, closing_s)
+    lock_feet_in_place(motion, contacts, joins.shift_s(motion.n_frames, motion.fps, DANCE_SHIFT_S))
 
 
 def _contacts(motion: Motion, joins: Joins, opening_s: float, closing_s: float | None) -> Floats:
@@ -326,7 +318,8 @@ def render_over(motion: Motion, words: Sequence[PlannedWord], repertoire: Repert
     knots_s = np.linspace(0.0, end_s, max(2, round(end_s * NET_FPS)) + 1)
     runs = overlay_runs([Run("", 0.0, end_s, knots_s)], runs_of_words(words))
     made, joins = assemble(runs, read, fps=motion.fps, duration_s=end_s, blending="inertial")
-    return lock_feet_at_joins(made, joins)
+    lock_feet_at_joins(made, joins)
+    return made
 
 
 # A part of a dance, which is rendered without the rest.

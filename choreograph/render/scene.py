@@ -106,14 +106,10 @@ def danced(parts: Sequence[DancerPart], dances: Sequence[Motion], plan: Plan) ->
     )
     motion = with_dynamics(made, joins, as_danced)
     missing = dances[0].n_frames - motion.n_frames
-    return motion if missing <= 0 else _of_frames(motion, dances[0].n_frames)
+    return motion if missing <= 0 else motion.sampled(np.arange(dances[0].n_frames, dtype=np.float64))
 
 
 _BESIDE_FRAMES = 64  # for splines, in which the effect of a frame falls to a quarter with every other one
-
-
-def _of_frames(motion: Motion, n_frames: int) -> Motion:
-    return motion.sampled(np.arange(n_frames, dtype=np.float64))
 
 
 def _runs(parts: Sequence[DancerPart], plan: Plan) -> list[Run]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_motions import swaying
 
-from choreograph.core.numerics import Memory
+from choreograph.core.cache import Memory
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.contacts import CONTACT_JOINTS
 from choreograph.plan.joins import sample_kept_run, sample_run

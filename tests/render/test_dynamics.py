@@ -21,7 +21,7 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.foot_locking import lock_feet
 from choreograph.plan.runs import STOP_EASE_S, Run, with_stops
-from choreograph.render.dynamics import hold_stops, with_amplitudes
+from choreograph.render.dynamics import hold_stops_in_place, with_amplitudes
 
 FPS = 60.0
 ANKLES = [BODY_JOINTS.index(f"{side}_ankle") for side in ("left", "right")]
@@ -123,6 +123,7 @@ def test_a_stop_breathes_on_both_feet():
     motion = swaying(round(8 * FPS), fps=FPS)
     frames = np.clip(np.arange(8 * FPS), 0, 3 * FPS)  # still from 3 s on
     still = motion.sampled(frames)
-    held = body_pos_m(hold_stops(still, [(3.0, 7.0)], STOP_EASE_S))
+    hold_stops_in_place(still, [(3.0, 7.0)], STOP_EASE_S)
+    held = body_pos_m(still)
     assert 0.005 < speed_within_m_s(held, FPS, (3.5, 6.0)) < 0.15
     assert np.linalg.norm(np.diff(held[190:390, ANKLES], axis=0), axis=-1).max() < 1e-3  # ankles

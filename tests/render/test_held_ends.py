@@ -20,7 +20,6 @@ from choreograph.render.dynamics import (
     copied,
     hold_ends,
     hold_ends_in_place,
-    hold_stops,
     hold_stops_in_place,
     played_times_s,
 )
@@ -62,7 +61,8 @@ def test_the_dance_between_the_held_poses_is_untouched():
 def test_frames_that_were_held_in_place_are_put_back():
     held = copied(MOTION)
     replaced = hold_ends_in_place(held, 3.0, 5.0) + hold_stops_in_place(held, [(3.5, 4.5)], 0.35)
-    whole = hold_stops(hold_ends(MOTION, 3.0, 5.0), [(3.5, 4.5)], 0.35)
+    whole = hold_ends(MOTION, 3.0, 5.0)
+    hold_stops_in_place(whole, [(3.5, 4.5)], 0.35)
     assert np.array_equal(held.local_quat, whole.local_quat)
     for frames in reversed(replaced):
         frames.put_back(held)

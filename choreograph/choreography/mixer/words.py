@@ -230,7 +230,7 @@ class CandidatePool:
         octaves = np.log2((v.word_end_s[words] - v.word_start_s[words]) / self.length_s(slot))
         cost = _SPEED_COST_M * octaves**2 + _TIE_BREAK_M * self.rng.exponential(size=len(words))
         cost += np.maximum(_SAFE_MARGIN_M - self.bank.motif_margin_m(words), 0.0)
-        cost += _OTHER_COUNT_M * ~self._on_count(slot, words)
+        cost += _OTHER_COUNT_M * ~words_on_count(self.slot_position[slot], self.word_position, words)
         return Candidates(words, v.word_take[words], cost + own, *borders_m, *self.ways(words))
 
     def ways(self, words: Indices) -> tuple[AnyFloats, AnyFloats]:
@@ -243,10 +243,6 @@ class CandidatePool:
         allowed = np.zeros(self.vocabulary.n_motifs, bool)
         allowed[self.vocabulary.word_motif[self.constraints.take_allowed[self.vocabulary.word_take]]] = True
         return allowed & ~self.constraints.motif_banned
-
-    def _on_count(self, slot: int, words: Indices) -> NDArray[np.bool_]:
-        """Which words (M,) begin at the slot's position in the bar. All do if positions are unknown."""
-        return words_on_count(self.slot_position[slot], self.word_position, words)
 
     def planned(self, slot: int, word: int, *, pinned: bool) -> PlannedWord:
         """A word in its slot of the dance."""

@@ -150,7 +150,11 @@ class _RollingOut:
         bounds_s = np.concatenate([[0.0], request.constraints.bounds_s[1:-1], [end_s]])
         self._request, self._notes = request, notes
         self._constraints = constraints = replace(request.constraints, bounds_s=bounds_s)
-        _refuse_takes(constraints)
+        if constraints.takes or not constraints.take_allowed.all():
+            raise ParameterError(
+                "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take. "
+                "Use --engine graph or mixer, or --genre"
+            )
         self._pinned = {slot: constraints.motifs[slot] for slot in constraints.pinned}
         self._plan = request.new_plan(engine=RolloutEngine.name)
         own = WordCosts.of(request, constraints, RolloutEngine.name)
@@ -187,7 +191,12 @@ class _RollingOut:
 
     def _planned(self, motifs: Indices) -> Plan:
         credits = Credits(performer=f"learned from {len(self._request.repertoire.takes)} takes")
-        return replace(self._plan, words=_planned_words(motifs, self._constraints, credits))
+        bounds_s, pinned = self._constraints.bounds_s.round(6).tolist(), self._constraints.pinned
+        words = tuple(
+            PlannedWord(*span_s, int(motif), "", 0.0, 0.0, credits, pinned=slot in pinned)
+            for slot, (motif, span_s) in enumerate(zip(motifs, pairwise(bounds_s), strict=True))
+        )
+        return replace(self._plan, words=words)
 
     def _checked(
         self, motifs: Indices, asked: NDArray[np.float32], motion: Motion, shown: NDArray[np.float32]
@@ -347,26 +356,6 @@ def _generated(
         to_front=config.front == "audience", stage=config.stage,
         held=None if request.kept is None else HeldPoses.of(request.kept.motion, request.kept.frames),
         report=substage(report, "dancing"),
-    )  # fmt: skip
-
-
-def _refuse_takes(constraints: ResolvedConstraints) -> None:
-    """Raise `ParameterError` for pinned or banned takes, since the network dances no take."""
-    if constraints.takes or not constraints.take_allowed.all():
-        raise ParameterError(
-            "expected pins and bans of motifs, got takes or genres: the rollout engine dances no take. Use "
-            "--engine graph or mixer, or --genre"
-        )
-
-
-def _planned_words(
-    motifs: Indices, constraints: ResolvedConstraints, credits: Credits
-) -> tuple[PlannedWord, ...]:
-    bounds = constraints.bounds_s.round(6).tolist()
-    return tuple(
-        PlannedWord(bounds[slot], bounds[slot + 1], int(motif), "", 0.0, 0.0, credits,
-                    pinned=slot in constraints.pinned)
-        for slot, motif in enumerate(motifs)
     )  # fmt: skip
 
 
