@@ -1,5 +1,5 @@
-from .characters.gltf_character import GltfCharacter as GltfCharacter
-from .characters.gltf_character import read_character as read_character
+from .characters.character import GltfCharacter as GltfCharacter
+from .characters.character import read_character as read_character
 from .choreography.constraints import Ban as Ban
 from .choreography.constraints import Keep as Keep
 from .choreography.constraints import MotifPin as MotifPin

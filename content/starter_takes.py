@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from choreograph.core.counts import ANNOTATED, Counts, Figure, make_counts, numbers_in_bar
 from choreograph.core.files import atomic_path
 from choreograph.core.progress import ProgressReport
+from choreograph.formats.manifest import COUNTS_SUFFIX, write_counts
 from choreograph.formats.register import save_motion
-from choreograph.formats.tables import SUFFIX, write_counts
 from choreograph.music.synthesis.song import SyntheticSong, render_song, write_song
 from content.moves.genres import GENRES
 from content.moves.sequencer import RenderedTake, render_take
@@ -146,7 +146,7 @@ def write_takes(folder: Path, specs: Iterable[TakeSpec], *, report: ProgressRepo
         song, dance = render_spec(spec)
         save_motion(folder / f"{spec.name}.bvh", dance.motion)
         write_song(folder / f"{spec.name}.flac", song)
-        write_counts(folder / f"{spec.name}{SUFFIX}", *true_counts(song, dance))
+        write_counts(folder / f"{spec.name}{COUNTS_SUFFIX}", *true_counts(song, dance))
         with atomic_path(folder / f"{spec.name}.truth.json") as temporary:
             temporary.write_text(json.dumps(truth(song, dance), indent=1) + "\n", encoding="utf-8")
         if report is not None:

@@ -20,7 +20,7 @@ from choreograph.music.song_features import motion_density, music_density
 from choreograph.plan.joins import take_motions
 from choreograph.plan.runs import plan_runs
 from choreograph.render.rendering import assemble
-from choreograph.view.motif_plots import write_motif_plots
+from choreograph.view.strip import write_motif_plots
 
 SONG_S = 30.0
 WARPED_SECOND = 6

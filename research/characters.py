@@ -25,8 +25,7 @@ from heads_in_blender import bone_heads_m
 from synthetic_characters import CHARACTERS, write_character
 
 import choreograph as cg
-from choreograph.characters.gltf_character import GltfCharacter, read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import GltfCharacter, perform, read_character
 from choreograph.core.errors import ChoreographError
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.formats.fbx import find_blender

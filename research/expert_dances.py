@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.formats import choreonet
+from choreograph.formats.manifest import write_counts
 from choreograph.formats.register import import_takes, save_motion
-from choreograph.formats.tables import write_counts
 from choreograph.music.song import load_song
 from research.pieces_on_beats import ExpertDance, expert_from_figures, expert_from_take
 

@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.formats import dance_with_melody as layout
-from choreograph.motion.marker_fitting import fit_error_m, fit_positions
+from choreograph.motion.bone_map import joint_roles
+from choreograph.motion.marker_fitting import BodyClusters, cluster_bodies, fit_error_m, fit_positions
 from choreograph.motion.motion import Take
-from choreograph.motion.rigs import joint_roles
-from choreograph.motion.skeleton_calibration import BodyClusters, cluster_bodies
 
 
 def raw_error_m(take: Take, pos_m: np.ndarray) -> np.ndarray:

@@ -47,7 +47,7 @@ from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
 from choreograph.nets.configs import word_config
 from choreograph.nets.words import WordNet, WordTake, augmented_words, clips_to_root_frame, train_word_net
-from choreograph.view.motif_plots import ShownWord, words_to_show, write_motif_strip
+from choreograph.view.strip import ShownWord, words_to_show, write_motif_strip
 
 FPS = 30.0
 BAND = 3

@@ -13,7 +13,7 @@ from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import NET_FPS
 from choreograph.library.songs import song_counts
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Motion, Take
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton

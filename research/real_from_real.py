@@ -29,7 +29,7 @@ from choreograph.formats import choreonet
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import body_pos_at, body_pos_m
 from choreograph.motion.cleaning import without_jumps
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.formats.gltf_document import GltfDocument
 
 BODY = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_hip", "right_hip")

@@ -18,9 +18,8 @@ import soundfile
 from synthetic_markers import markers_on, write_c3d
 from synthetic_motions import swaying
 
-from choreograph.formats.gltf_document import GltfDocument
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import read_rig, read_skin_points
+from choreograph.formats.gltf import read_rig, read_skin_points
+from choreograph.formats.gltf_document import GltfDocument, read_gltf
 from choreograph.formats.register import save_motion
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion

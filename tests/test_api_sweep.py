@@ -28,7 +28,7 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_repertoire

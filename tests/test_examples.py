@@ -23,8 +23,8 @@ import choreograph as cg
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.formats.manifest import write_counts
 from choreograph.formats.register import save_motion
-from choreograph.formats.tables import write_counts
 from research import dynamics
 
 ROOT = Path(__file__).resolve().parents[1]

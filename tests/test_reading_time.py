@@ -41,8 +41,8 @@ from choreograph.core.errors import ChoreographError
 from choreograph.formats.c3d import read_markers
 from choreograph.formats.choreonet import read_choreographies, read_recorded_figures
 from choreograph.formats.dance_with_melody import read_points_m
+from choreograph.formats.manifest import read_counts
 from choreograph.formats.register import import_takes, save_motion
-from choreograph.formats.tables import read_counts
 from choreograph.motion.bone_map import read_bone_map
 from choreograph.music.beats import read_beats
 from choreograph.music.song import load_song

@@ -33,7 +33,7 @@ from choreograph.core.progress import counted
 from choreograph.core.workers import is_of_torchrun
 
 if TYPE_CHECKING:
-    from choreograph.formats.data_sets import DataSet
+    from choreograph.formats.download import DataSet
     from choreograph.library.building.options import BuildOptions, BuildResult
 
 # The modes of the command: a build, a check of the sources, and a change of a repertoire.
@@ -279,7 +279,7 @@ def _check(sources: Sequence[Path | str], settings: BuildOptions, *, quiet: bool
     """Print a row for each file of the sources. Raises if a build would fail."""
     from choreograph.core.cache import caching
     from choreograph.core.workers import working
-    from choreograph.formats.remote import local_sources
+    from choreograph.formats.download import local_sources
     from choreograph.library.building.takes import check_takes, checked_files, import_sources
 
     with (
@@ -355,7 +355,7 @@ def get(
     The terms are shown first, and nothing is downloaded unless you agree. A download that was stopped goes on
     where it ended. Sums are compared where they are published (extra `get`).
     """
-    from choreograph.formats.data_sets import TABLE, data_set, data_sets
+    from choreograph.formats.download import TABLE, data_set, data_sets
 
     if name is None:
         known = list(data_sets(table or TABLE).values())

@@ -22,10 +22,10 @@ from choreograph.core.progress import counted as number_of
 from choreograph.formats import motion_formats
 
 if TYPE_CHECKING:
-    from choreograph.characters.gltf_character import GltfCharacter
+    from choreograph.characters.character import GltfCharacter
     from choreograph.core.counts import Figure
     from choreograph.formats.bvh import BvhOptions, Naming, RestPose
-    from choreograph.formats.targets import TargetName
+    from choreograph.formats.writer import TargetName
     from choreograph.motion.motion import Motion
     from choreograph.pipeline.counting import CountedFile, LoopPoints
 
@@ -110,7 +110,7 @@ def convert(
     from choreograph.formats.bvh import BvhWriter
     from choreograph.formats.glb import clips_document
     from choreograph.formats.register import save_motion
-    from choreograph.formats.targets import TARGETS, check_target_format, named_clips
+    from choreograph.formats.writer import TARGETS, check_target_format, named_clips
     from choreograph.motion.bone_map import read_bone_map
     from choreograph.pipeline.saving import check_outputs, save_document
 
@@ -184,7 +184,7 @@ def retarget(
 
     Several are animations of the character in a .glb, each with the name of its file.
     """
-    from choreograph.formats.targets import TARGETS, check_target_format, named_clips, placed
+    from choreograph.formats.writer import TARGETS, check_target_format, named_clips, placed
     from choreograph.pipeline.saving import check_outputs, save_on_character
 
     if output.suffix.lower() not in (".glb", ".fbx"):
@@ -214,7 +214,7 @@ def retarget(
 
 def character_of(path: Path, map_path: Path | None) -> GltfCharacter:
     """The character of a file, with the user's map."""
-    from choreograph.characters.gltf_character import read_character
+    from choreograph.characters.character import read_character
     from choreograph.motion.bone_map import read_bone_map
 
     return read_character(path, read_bone_map(map_path) if map_path else None)

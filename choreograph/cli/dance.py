@@ -40,7 +40,7 @@ from choreograph.core.workers import each, working
 from choreograph.settings import MAX_VARIATIONS
 
 if TYPE_CHECKING:
-    from choreograph.characters.gltf_character import GltfCharacter
+    from choreograph.characters.character import GltfCharacter
     from choreograph.choreography.edits import EditRequest
     from choreograph.cli.dance_options import FileOptions
     from choreograph.cli.present import StageLines, Stages
@@ -117,7 +117,7 @@ def _checked_sounds(target: str | None, jobs: Sequence[DanceJob], read: Sequence
 
     Raises `ParameterError` if the program reads no output, or a sound would replace another file.
     """
-    from choreograph.formats.targets import check_target_format, reads
+    from choreograph.formats.writer import check_target_format, reads
     from choreograph.pipeline.saving import sound_beside
 
     sounds: list[Path] = []

@@ -36,7 +36,7 @@ from choreograph.settings import MAX_VARIATIONS, DanceConfig, engine_names, load
 
 if TYPE_CHECKING:
     from choreograph.choreography.edits import EditRequest
-    from choreograph.formats.targets import TargetName
+    from choreograph.formats.writer import TargetName
     from choreograph.library.repertoire import Repertoire
     from choreograph.motion.cameras import CameraMode
     from choreograph.pipeline.dancing import DanceArguments

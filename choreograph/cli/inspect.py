@@ -117,7 +117,7 @@ def command(
         say(f"{output}: signature of {signature}, {int((shares > 0).sum())} of {len(shares)} motifs")
         return
     if counts is not None and output is not None:
-        from choreograph.formats.tables import write_counts
+        from choreograph.formats.manifest import write_counts
 
         index = repertoire.take_index(counts)
         write_counts(output, repertoire.counts(index), repertoire.figures(index))
@@ -135,7 +135,7 @@ def command(
         return
     facts = _facts(repertoire)
     if plots is not None:
-        from choreograph.view.motif_plots import write_motif_plots
+        from choreograph.view.strip import write_motif_plots
 
         facts["plots"] = [str(path) for path in write_motif_plots(plots, repertoire)]
     show(facts, _text(facts), as_json=as_json)
@@ -195,7 +195,7 @@ def _counts_facts(repertoire: Repertoire, take: int) -> dict[str, Any]:
 
 def _vocabulary_facts(repertoire: Repertoire) -> dict[str, Any]:
     from choreograph.core.numerics import chi_square_distance
-    from choreograph.view.motif_plots import dances_of, distances_to_template
+    from choreograph.view.strip import dances_of, distances_to_template
 
     vocabulary = repertoire.vocabulary
     take_genres = [take.credits.genre for take in repertoire.takes]

@@ -154,7 +154,7 @@ def _play(
 ) -> None:
     """Send a dance to a song that is played here."""
     from choreograph.live.changing import ChangingBody, changing
-    from choreograph.live.listening import listening, take_lines
+    from choreograph.live.requests import listening, take_lines
     from choreograph.live.sound import playing
     from choreograph.live.sound import silent as not_heard
     from choreograph.live.stream import send_frames
@@ -203,8 +203,8 @@ def _follow(
     fps: float,
 ) -> None:
     """Send a dance to music that is still playing, until it ends."""
-    from choreograph.live.listening import listening
-    from choreograph.live.pcm import PcmFormat, microphone, pcm_blocks
+    from choreograph.live.requests import listening
+    from choreograph.live.sound import PcmFormat, microphone, pcm_blocks
     from choreograph.live.stream import send_frames
     from choreograph.live.stream_dance import StreamTime, hear_all, stream_dance
     from choreograph.live.websocket import serving

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.motion import rotations as rot
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
 _BODY_HEIGHT_M = 1.70

@@ -21,8 +21,7 @@ from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, Figure, make_co
 from choreograph.core.errors import FormatError
 from choreograph.core.files import read_json
 from choreograph.formats import c3d
-from choreograph.formats.manifest import SkippedFile
-from choreograph.formats.tables import Row, as_number, read_table
+from choreograph.formats.manifest import Row, SkippedFile, as_number, read_table
 from choreograph.motion.motion import Credits, Take
 
 # The lists `choreographies.json` and `figures.csv`.

@@ -25,16 +25,17 @@ from choreograph.core.numerics import Floats
 from choreograph.formats.manifest import SkippedFile, each_attempted
 from choreograph.motion.cleaning import Span, bridged, bridged_rotations
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m, track_floor_m
-from choreograph.motion.marker_fitting import fit_error_m, fit_positions
-from choreograph.motion.motion import Credits, Motion, Take
-from choreograph.motion.skeleton import Skeleton
-from choreograph.motion.skeleton_calibration import (
+from choreograph.motion.marker_fitting import (
     BodyClusters,
     cluster_bodies,
+    fit_error_m,
+    fit_positions,
     measure_skeleton,
     resized,
     size_ratio,
 )
+from choreograph.motion.motion import Credits, Motion, Take
+from choreograph.motion.skeleton import Skeleton
 
 LAYOUT = "dance-with-melody: a folder of DANCE_<G>_<n> with skeletons.json, or one of them"
 _FOLDER = re.compile(r"DANCE_([A-Z])_(\d+)")

@@ -1,27 +1,190 @@
-"""Downloads the files of a data set with pooch, continues after a break, compares sums and unpacks.
+"""Takes from elsewhere: public data sets, which are downloaded, and sources at addresses, which are copied.
 
-A file is written to NAME.part first. A later call asks the host for the rest of it, if the host still has the
-same file (an entity tag or a date says so). pooch compares the sum and moves the file to its name. What is
-unpacked keeps the last part of its name only, so that nothing is written outside of the folder.
+The data sets, with their terms, are the entries of `data_sets.toml`, which says what each key means. A table
+of one's own has the same keys. `fetch` downloads the files of one with pooch. A file is written to NAME.part
+first. A later call asks the host for the rest of it, if the host still has the same file (an entity tag or a
+date says so). pooch compares the sum and moves the file to its name. What is unpacked keeps the last part of
+its name only, so that nothing is written outside of the folder.
+
+`local_sources` copies what is at an address such as `s3://bucket/takes`. It needs the package `fsspec`, and
+for some protocols another one that it names, such as `s3fs`.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
+import tomllib
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from typing import Any
+from urllib.parse import urlsplit
 
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
-from choreograph.core.files import atomic_path, locked_folder, read_text, writing
+from choreograph.core.files import LOCK_FILES, atomic_path, locked_folder, read_text, writing
 from choreograph.core.progress import ProgressReport
-from choreograph.formats.data_sets import DataSet, SetFile, is_usual_name
+
+# The data sets.
+
+
+TABLE = Path(__file__).with_name("data_sets.toml")
+_SCHEMES = ("http", "https")
+_MAX_NAME = 200  # characters
+_FORBIDDEN = set('<>:"|?*\\/')  # in names, on some systems
+_SUMS = {"sha256": 64, "md5": 32}  # digits of each
+
+
+@dataclass(frozen=True)
+class SetFile:
+    """One file of a data set at an address, and what is unpacked of it."""
+
+    url: str
+    max_bytes: int  # of the download
+    keep: tuple[str, ...]  # globs of names
+    into: str  # folder inside that of the data set
+    max_unpacked_bytes: int
+    sum: str = ""  # such as "sha256:…", or "" if none is published
+
+    @property
+    def name(self) -> str:
+        """The name of the file at the end of its address."""
+        return PurePosixPath(urlsplit(self.url).path).name
+
+
+@dataclass(frozen=True)
+class DataSet:
+    """A data set with its terms. Without files, its owners ask for a form first."""
+
+    name: str
+    title: str
+    about: str
+    licence: str
+    terms: tuple[str, ...]
+    page: str
+    build: str  # folder to build from, inside that of the data set
+    layout: str  # glob of the files that are read, inside that of the data set
+    files: tuple[SetFile, ...] = ()
+    by_hand: str = ""  # what is downloaded by hand, and where to put it
+
+
+def data_sets(table: Path = TABLE) -> dict[str, DataSet]:
+    """The data sets of a table by name. Raises `FormatError` for another file."""
+    text = read_text(table, "a table of data sets")
+    try:
+        entries = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of too many digits is not a TOMLDecodeError
+        raise FormatError(
+            f"{table}: expected a table of data sets in TOML, got another text: {error}"
+        ) from None
+    if not entries:
+        raise FormatError(f"{table}: expected a data set in it, got none")
+    return {name: _data_set(table, name, entry) for name, entry in entries.items()}
+
+
+def data_set(name: str, table: Path = TABLE) -> DataSet:
+    """The data set of a name in any case. Raises `ParameterError` if there is none, and as `data_sets`."""
+    known = data_sets(table)
+    found = known.get(name.casefold())
+    if found is None:
+        raise ParameterError(f"expected a data set among {', '.join(known)}, got {name!r}")
+    return found
+
+
+def _data_set(table: Path, name: str, entry: Any) -> DataSet:
+    where = f"{table}: {name}"
+    if not isinstance(entry, dict):
+        raise FormatError(f"{where}: expected a table of keys, got {type(entry).__name__}")
+    files = entry.get("files", [])
+    if not isinstance(files, list):
+        raise FormatError(f"{where}: expected [[{name}.files]], got {type(files).__name__}")
+    if not is_usual_name(name):
+        raise FormatError(f"{where}: expected a name that a folder can have, got {name!r}")
+    if name != name.casefold() or not (files or entry.get("by_hand")):
+        raise FormatError(f"{where}: expected a name in small letters, and files or by_hand, got other keys")
+    values = _checked(where, {k: v for k, v in entry.items() if k != "files"}, DataSet, ("name", "files"))
+    _check_inside(where, values["build"])
+    _check_glob(where, values["layout"])
+    found = DataSet(name=name, files=tuple(_file(where, file) for file in files), **values)
+    names = {file.name.casefold() for file in found.files}  # they lie in one folder, which is locked
+    if len(names) < len(files):
+        raise FormatError(f"{where}: expected addresses that end in different names, got one name twice")
+    if taken := names.intersection(LOCK_FILES):
+        raise FormatError(f"{where}: expected no file named {min(taken)}, which locks the folder")
+    return found
+
+
+def _file(where: str, entry: Any) -> SetFile:
+    values = _checked(where, entry if isinstance(entry, dict) else {}, SetFile, ())
+    file = SetFile(**values)
+    kind, _, digits = file.sum.partition(":")
+    if not _is_of_web(file):
+        raise FormatError(f"{where}: expected the address of a file with http or https, got {file.url!r}")
+    if file.sum and (len(digits) != _SUMS.get(kind) or set(digits) - set("0123456789abcdef")):
+        raise FormatError(f"{where}: expected a sum such as sha256:…, got {file.sum!r}")
+    _check_inside(where, file.into)
+    return file
+
+
+def _is_of_web(file: SetFile) -> bool:
+    try:
+        address = urlsplit(file.url)
+        has_host = bool(address.hostname) and address.port != 0
+    except ValueError:  # a host or port that none can be
+        return False
+    return has_host and address.scheme in _SCHEMES and file.url.isprintable() and is_usual_name(file.name)
+
+
+def _checked(where: str, entry: Mapping[str, Any], of: type, computed: tuple[str, ...]) -> dict[str, Any]:
+    """The values of an entry by field: texts, positive numbers or tuples of texts."""
+    fields = {name: field for name, field in of.__dataclass_fields__.items() if name not in computed}  # type: ignore[attr-defined]
+    required = [name for name in fields if not hasattr(of, name)]
+    missing, unknown = set(required) - set(entry), set(entry) - set(fields)
+    if missing or unknown:
+        raise FormatError(
+            f"{where}: expected the keys {', '.join(fields)}, got "
+            + (f"no {', '.join(sorted(missing))}" if missing else f"also {', '.join(sorted(unknown))}")
+        )
+    values: dict[str, Any] = {}
+    for name, value in entry.items():
+        kind = fields[name].type
+        if kind.startswith("tuple"):
+            good = isinstance(value, list) and bool(value) and all(isinstance(one, str) for one in value)
+            values[name] = tuple(value) if good else value
+        else:
+            good = type(value) is int and value > 0 if kind == "int" else isinstance(value, str)
+            values[name] = value
+        if not good:
+            raise FormatError(f"{where}: expected {name} to be of another kind, got {value!r}")
+    return values
+
+
+def is_usual_name(name: str) -> bool:
+    """Whether every system allows a file or folder of this name, and does not hide it."""
+    is_plain = name.isprintable() and not set(name) & _FORBIDDEN and name == name.strip()
+    return is_plain and 0 < len(name) <= _MAX_NAME and not name.startswith(".")
+
+
+def _check_inside(where: str, folder: str) -> None:
+    if not all(map(is_usual_name, PurePosixPath(folder).parts)):
+        raise FormatError(f"{where}: expected a folder inside that of the data set, got {folder!r}")
+
+
+def _check_glob(where: str, glob: str) -> None:
+    parts = PurePosixPath(glob).parts
+    if not parts or any("**" in part and part != "**" for part in parts):
+        raise FormatError(f"{where}: expected a glob such as takes/*.bvh, got {glob!r}")
+    _check_inside(where, re.sub(r"[*?]", "x", glob))
+
+
+# Download, comparison of sums, unpacking.
+
 
 ARCHIVES = "downloads"  # folder inside that of a data set
 _TRIES = 3  # connections for one call
@@ -302,3 +465,82 @@ def _block(read: Callable[[int], bytes], what: str) -> bytes:
         return read(_BLOCK_BYTES)
     except OSError as error:
         raise FormatError(f"{what}: expected a ZIP file, got a damaged one: {error}") from error
+
+
+# Sources at addresses.
+
+
+_FOLDER = "fetched"  # in the work folder
+
+
+def is_address(source: str | os.PathLike[str]) -> bool:
+    """Whether a source is an address with a protocol, rather than a path."""
+    protocol, found, _ = str(source).partition("://")
+    return isinstance(source, str) and bool(found) and protocol.replace("+", "").isalnum()
+
+
+@contextmanager
+def local_sources(
+    sources: Sequence[str | Path], work: Path, report: ProgressReport | None = None
+) -> Iterator[tuple[Path, ...]]:
+    """The sources as paths. What is at an address is copied to the folder `work`, and removed at the end.
+
+    Raises `ParameterError` for an address that cannot be read, or without the package that reads it.
+    """
+    folder = work / _FOLDER
+    try:
+        yield tuple(
+            _copied(source, folder / str(index), report)
+            if isinstance(source, str) and is_address(source)
+            else Path(source)
+            for index, source in enumerate(sources)
+        )
+    finally:
+        if folder.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def _copied(address: str, folder: Path, report: ProgressReport | None) -> Path:
+    """The copy of a file or folder at an address, in a folder, under its own name."""
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError as error:
+        raise ParameterError(
+            f"{address}: expected the package fsspec to read addresses, it is not installed: pip install "
+            "'choreograph[remote]'"
+        ) from error
+    try:
+        filesystem, path = url_to_fs(address)
+        is_folder = filesystem.isdir(path)
+        files = sorted(filesystem.find(path)) if is_folder else [path]
+        if not files or not (is_folder or filesystem.exists(path)):
+            raise ParameterError(f"expected takes at {address}, got nothing: there is no such file or folder")
+        name = PurePosixPath(path.rstrip("/")).name
+        name = "takes" if name in ("", "..") else name
+        for done, file in enumerate(files):
+            inside = PurePosixPath(file).relative_to(path) if is_folder else PurePosixPath()
+            _copy_file(filesystem, file, folder / name / _checked_part(inside, address))
+            if report is not None:
+                report("copying takes", done + 1, len(files))
+    except ChoreographError:
+        raise
+    except Exception as error:  # each protocol raises its own
+        is_clear = isinstance(error, ImportError | ValueError | OSError) and str(error)
+        reason = " ".join((str(error) if is_clear else f"{type(error).__name__}: {error}").split())
+        raise ParameterError(f"{address}: expected takes, could not read them: {reason}") from error
+    return folder / name
+
+
+def _checked_part(inside: PurePosixPath, address: str) -> PurePosixPath:
+    if ".." in inside.parts or inside.is_absolute():
+        raise ParameterError(f"{address}: expected files below it, got {str(inside)[:80]!r}")
+    return inside
+
+
+def _copy_file(filesystem: Any, file: str, target: Path) -> None:
+    with writing(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        filesystem.get_file(file, str(target))
+    except FileNotFoundError as error:
+        raise ChoreographError(f"expected {file} where it was listed, it is gone") from error

@@ -30,7 +30,7 @@ from choreograph.formats.aist import arrays_of, has_scaling
 from choreograph.formats.amass import LARGEST_NUMBER, numbers_of, rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up, unit_m
 from choreograph.formats.manifest import SkippedFile, each_attempted
-from choreograph.formats.npy import MAGIC, array_of, header_of
+from choreograph.formats.npz import MAGIC, array_of, header_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.marker_fitting import fit_positions
 from choreograph.motion.motion import Credits, Motion, Take, check_length

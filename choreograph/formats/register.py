@@ -29,8 +29,9 @@ from choreograph.formats import (
     writer_of,
 )
 from choreograph.formats.axes_and_units import body_height
-from choreograph.formats.gltf_files import referenced_files
+from choreograph.formats.gltf_document import referenced_files
 from choreograph.formats.manifest import (
+    COUNTS_SUFFIX,
     Manifest,
     SkippedFile,
     foreign_format,
@@ -38,8 +39,8 @@ from choreograph.formats.manifest import (
     raise_errors,
     read_manifest,
     skipped_files,
+    with_counts_beside,
 )
-from choreograph.formats.tables import SUFFIX, with_counts_beside
 from choreograph.formats.writer import Writer
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import check_bone_map
@@ -123,7 +124,7 @@ def annotate_takes(takes: Sequence[Take], source: str | Path) -> list[Take]:
 
 def read_beside(path: Path) -> list[Path]:
     """The files that are read with a motion or character: counts, and the files that a .gltf refers to."""
-    counts = path.with_suffix(SUFFIX) if path.stem else path
+    counts = path.with_suffix(COUNTS_SUFFIX) if path.stem else path
     return [
         *([counts] if os.path.isfile(counts) else []),
         *(referenced_files(path) if path.suffix.lower() == ".gltf" else []),

@@ -10,9 +10,8 @@ import numpy as np
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
-from choreograph.formats.count_marks import KEY, SPANS, of_counts
-from choreograph.formats.glb import linear_light
-from choreograph.formats.gltf_camera import camera_quat
+from choreograph.formats.glb import camera_quat, linear_light
+from choreograph.formats.gltf_document import KEY, SPANS, of_counts
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer, identifiers, text_names
 from choreograph.motion import rotations as rot
 from choreograph.motion.cameras import ASPECT, FOV_RAD, CameraPath

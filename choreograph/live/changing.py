@@ -23,7 +23,7 @@ from choreograph.live.requests import Request
 from choreograph.live.stream import stay_behind
 from choreograph.live.vmc import VmcBody
 from choreograph.motion import rotations as rot
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.music.places import Places
 from choreograph.pipeline.dancing import Dance

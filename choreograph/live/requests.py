@@ -1,17 +1,24 @@
-"""What is requested of a dance while it runs: by OSC, as JSON, or in typed lines."""
+"""What is requested of a dance while it runs: by OSC, as JSON, or in typed lines.
+
+Messages of OSC arrive on a port of this machine.
+"""
 
 from __future__ import annotations
 
 import json
 import reprlib
+import socket
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from threading import Thread
 from typing import Any
 
 from choreograph.choreography.constraints import MotifPin, Pin, TakePin
 from choreograph.choreography.engine import GREATEST_AMPLITUDE, LEAST_AMPLITUDE
 from choreograph.core.arguments import is_number
-from choreograph.core.errors import FormatError
-from choreograph.live.osc import Message
+from choreograph.core.errors import ChoreographError, FormatError
+from choreograph.live.vmc import Message, messages_of
 
 KINDS = ("genre", "energy", "pin", "seed")
 _PREFIX = "/dance/"
@@ -82,3 +89,58 @@ def of_line(line: str) -> Request:
         except ValueError:
             raise FormatError(f"expected {_EXAMPLES}, got {reprlib.repr(line.strip())}") from None
     return Request.of(kind, value)
+
+
+# Requests that arrive.
+
+
+_MOST_BYTES = 8192  # of a packet
+_POLL_S = 0.2
+
+
+@contextmanager
+def listening(port: int, ask: Callable[[Request], None], note: Callable[[str], None]) -> Iterator[int]:
+    """Take the requests of OSC messages to a UDP port of this machine until the block ends.
+
+    Yields the port, which the system chooses for 0. A packet that is no request is noted. Raises
+    `ChoreographError` if the port is in use.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as own:
+        try:
+            own.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise ChoreographError(
+                f"expected a free UDP port for --control, got {port}: {error.strerror}"
+            ) from None
+        own.settimeout(_POLL_S)
+        ended = False
+
+        def receive() -> None:
+            while not ended:
+                try:
+                    packet = own.recv(_MOST_BYTES)
+                except TimeoutError:
+                    continue
+                try:
+                    for message in messages_of(packet):
+                        ask(of_message(message))
+                except FormatError as error:
+                    note(str(error))
+
+        thread = Thread(target=receive, daemon=True)
+        thread.start()
+        try:
+            yield int(own.getsockname()[1])
+        finally:
+            ended = True
+            thread.join()
+
+
+def take_lines(lines: Iterable[str], ask: Callable[[Request], None], note: Callable[[str], None]) -> None:
+    """Take the requests of typed lines until there are no more. A line that is none is noted."""
+    for line in lines:
+        if line.strip():
+            try:
+                ask(of_line(line))
+            except FormatError as error:
+                note(str(error))

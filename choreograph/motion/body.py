@@ -1,20 +1,25 @@
-"""The 21 body joints that features, networks and costs use, and poses in the root frame."""
+"""The 21 body joints that features, networks and costs use, poses in the root frame, and mirror images.
+
+Left and right are exchanged in a mirror image, as a dancer shows who faces another one.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, frame_blocks
+from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
 
 # The 21 body joints that features, networks and costs use, on any skeleton.
@@ -157,3 +162,39 @@ def clips_to_root_frame(body_pos_m: Floats) -> Floats:
     turn_rad = -heading_rad(middle)[..., None, None]  # (..., 1, 1)
     mean_ground = ground_pos_m(body_pos_m).mean(axis=-2)[..., None, None, :]  # (..., 1, 1, 3)
     return rot.rotate_about_y(turn_rad, body_pos_m - mean_ground)
+
+
+# Mirror images of motions on any skeleton.
+
+
+_POS_SIGNS = np.array([-1.0, 1.0, 1.0])
+_QUAT_SIGNS = np.array([1.0, 1.0, -1.0, -1.0])  # a rotation seen in a mirror across X
+
+
+def mirrored_motion(motion: Motion) -> Motion:
+    """The mirror image of a motion: X is negated, and left and right joints exchange their rotations.
+
+    It is exact for a skeleton whose left and right have equal lengths. The heading 0 remains. Raises
+    `ParameterError` if the joints of arms and legs cannot be found.
+    """
+    order = mirrored_joints(motion.skeleton)
+    return replace(
+        motion,
+        root_pos_m=motion.root_pos_m * _POS_SIGNS,
+        local_quat=motion.local_quat[:, order] * _QUAT_SIGNS,
+    )
+
+
+@lru_cache(maxsize=16)
+def mirrored_joints(skeleton: Skeleton) -> Indices:
+    """The joint (J,) on the other side of each joint, or the joint itself in the middle."""
+    order = np.arange(skeleton.n_joints)
+    roles = joint_roles(skeleton)
+    pairs = [(name, name.replace("left_", "right_", 1)) for name in (*skeleton.names, *roles)]
+    for one, other in pairs:
+        if one == other:
+            continue
+        for known in (roles, dict(zip(skeleton.names, range(skeleton.n_joints), strict=True))):
+            if one in known and other in known:
+                order[[known[one], known[other]]] = known[other], known[one]
+    return order

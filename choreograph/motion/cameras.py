@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 
 CameraMode = Literal["front", "follow", "cuts"]
 CAMERA_MODES: tuple[CameraMode, ...] = ("front", "follow", "cuts")

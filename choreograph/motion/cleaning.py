@@ -11,8 +11,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 
 # Frames are replaced by a smooth path between the frames before and after, with their velocities.

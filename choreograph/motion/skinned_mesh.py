@@ -10,10 +10,21 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
-from choreograph.motion.bind_pose import standing_body
-from choreograph.motion.lofting import MeshPiece, vertex_normals
-from choreograph.motion.mannequin import arm, hand, head, knob, leg, neck, shoe, taper, trunk
+from choreograph.motion.mannequin import (
+    MeshPiece,
+    arm,
+    hand,
+    head,
+    knob,
+    leg,
+    neck,
+    shoe,
+    taper,
+    trunk,
+    vertex_normals,
+)
 from choreograph.motion.motion import Motion
+from choreograph.motion.retargeting import standing_body
 from choreograph.motion.skeleton import Skeleton
 
 # Parts of the mannequin: `SkinnedMesh.parts` are indices into this and into the rows of its `palette`.

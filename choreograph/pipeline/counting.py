@@ -17,11 +17,10 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path
 from choreograph.core.numerics import Floats, default_numerics, interpolate_frames, one_thread
 from choreograph.core.timebase import NET_FPS
-from choreograph.formats.count_marks import with_marks
 from choreograph.formats.glb import dance_document
-from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_document import read_gltf, with_marks
+from choreograph.formats.manifest import write_counts
 from choreograph.formats.register import is_motion, read_take
-from choreograph.formats.tables import write_counts
 from choreograph.formats.usd import ANIMATION_PATH, dance_stage, export_stage, mark_stage, require_usd
 from choreograph.formats.writer import GENERATOR
 from choreograph.library.building.takes import measure_take

@@ -14,7 +14,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.characters.character import GltfCharacter, read_character
 from choreograph.choreography.constraints import Ban, Constraints, Keep, MotifPin, Pin, make_constraints
 from choreograph.choreography.enforcement import AvoidRepeating
 from choreograph.choreography.engine import DanceRequest, Engine, check_settings, engine_for, engine_named
@@ -35,7 +35,7 @@ from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed
 from choreograph.core.timebase import STORE_FPS
 from choreograph.formats.bvh import BvhOptions
-from choreograph.formats.targets import TargetName
+from choreograph.formats.writer import TargetName
 from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.cameras import CameraMode, plan_cameras

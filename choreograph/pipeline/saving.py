@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.core.counts import Figure, bars_of
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, atomic_path, check_apart, check_target, ends_of
@@ -21,12 +21,11 @@ from choreograph.core.progress import ProgressReport, substage
 from choreograph.formats import formats_using, motion_formats, output_formats, writer_of
 from choreograph.formats.bvh import DANCE_DIGITS, BvhOptions, BvhWriter
 from choreograph.formats.fbx import convert
-from choreograph.formats.glb import GlbWriter, as_dance
-from choreograph.formats.gltf_camera import with_camera
+from choreograph.formats.glb import GlbWriter, as_dance, with_camera
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import get_writer, save_motion
-from choreograph.formats.targets import TARGETS, TargetName, check_target_format, clip_name, placed, reads
 from choreograph.formats.vmd import DANCE_MODEL, VmdWriter
+from choreograph.formats.writer import TARGETS, TargetName, check_target_format, clip_name, placed, reads
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.plan.plan import FORMAT as PLAN_FORMAT
@@ -34,7 +33,7 @@ from choreograph.plan.plan import Plan
 from choreograph.plan.scenes import FORMAT as SCENE_FORMAT
 
 if TYPE_CHECKING:
-    from choreograph.view.page_data import PageCharacter
+    from choreograph.view.page import PageCharacter
 
 # The marks of dances near one end of a file: the generator, the frame time of a BVH, the model of a VMD, the
 # format of a plan.
@@ -209,7 +208,7 @@ def is_saved_dance(path: str | Path) -> bool:
 
 def check_character(character: GltfCharacter, paths: Sequence[str | Path]) -> None:
     """Raise `ParameterError` before any work if one of the files is a page that cannot show the character."""
-    from choreograph.view.page_data import check_page_character
+    from choreograph.view.page import check_page_character
 
     if any(format_of(path) == "html" for path in paths):
         check_page_character(character.document)
@@ -240,7 +239,7 @@ def save_page(parts: SavedParts, path: Path, report: ProgressReport | None) -> N
 
 
 def _in_page(character: GltfCharacter, parts: SavedParts) -> PageCharacter:
-    from choreograph.view.page_data import PageCharacter
+    from choreograph.view.page import PageCharacter
 
     nodes = {name: character.nodes[bone] for name, bone in character.bones.items()}
     return PageCharacter(character.dancing(parts.motion, figures=parts.figures), nodes)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.choreography.scenes import (
     Relation,
     Scheduled,

@@ -10,7 +10,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.characters.character import GltfCharacter, read_character
 from choreograph.choreography.constraints import parse_ban
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.arguments import (
@@ -28,8 +28,7 @@ from choreograph.core.files import as_path, atomic_path, check_apart
 from choreograph.core.numerics import default_numerics
 from choreograph.core.progress import ProgressReport, counted
 from choreograph.formats import formats_using, output_formats
-from choreograph.formats.glb import as_dance, scene_document
-from choreograph.formats.gltf_camera import with_camera
+from choreograph.formats.glb import as_dance, scene_document, with_camera
 from choreograph.formats.usd import export_stage, scene_stage
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.cameras import CameraMode, CameraPath, plan_cameras

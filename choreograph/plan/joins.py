@@ -23,9 +23,8 @@ from choreograph.core.progress import StepReport
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad
+from choreograph.motion.body import BODY_JOINTS, body_indices, ground_pos_m, heading_rad, mirrored_motion
 from choreograph.motion.kinematics import ancestors, forward
-from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.plan.runs import Run, TransitionTiming

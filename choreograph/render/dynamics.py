@@ -21,11 +21,10 @@ import scipy
 from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.timebase import frame_times_s
 from choreograph.motion import rotations as rot
-from choreograph.motion.contacts import foot_sole_pos_m
-from choreograph.motion.foot_locking import SIDES, move_leg
+from choreograph.motion.bone_map import joint_roles
+from choreograph.motion.contacts import SIDES, foot_sole_pos_m, move_leg
 from choreograph.motion.kinematics import ancestors, forward, to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import Skeleton
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan.runs import eased_in

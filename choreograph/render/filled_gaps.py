@@ -14,8 +14,7 @@ from choreograph.core.numerics import Floats
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, clips_to_root_frame, heading_rad
-from choreograph.motion.contacts import foot_contacts
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import foot_contacts, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.plan.joins import SampledRun, alignment_at
 from choreograph.render.assembly import blend_transition

@@ -18,7 +18,7 @@ from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
-from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet_in_place
+from choreograph.motion.contacts import DANCE_SHIFT_S, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
 from choreograph.plan.joins import MotionReader, sample_kept_run, take_motions

@@ -15,10 +15,8 @@ import numpy as np
 from choreograph.core.counts import counts_later_s
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, frame_times_s
-from choreograph.motion.body import body_pos_m
-from choreograph.motion.contacts import foot_contacts
-from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet
-from choreograph.motion.mirroring import mirrored_motion
+from choreograph.motion.body import body_pos_m, mirrored_motion
+from choreograph.motion.contacts import DANCE_SHIFT_S, foot_contacts, lock_feet
 from choreograph.motion.motion import Motion
 from choreograph.plan.plan import Plan
 from choreograph.plan.runs import Run

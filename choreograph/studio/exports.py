@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import replace
 from pathlib import Path
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.core.arguments import check_choice
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.numerics import default_numerics

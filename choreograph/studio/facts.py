@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.choreography.edits import edit_slots, slot_bounds_s
 from choreograph.choreography.enforcement import AvoidRepeating, KeptBorders
 from choreograph.choreography.graph.candidates import AllowedNodes
@@ -36,12 +36,12 @@ from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, joins_s
 from choreograph.plan.plan import Block, Plan, PlannedSecond, goes_on
-from choreograph.view.page import dance_facts
-from choreograph.view.page_data import (
+from choreograph.view.page import (
     ROTVEC_STEP_RAD,
     CompressedMotion,
     compress_mesh,
     compress_motion,
+    dance_facts,
     other_facts,
 )
 

@@ -17,7 +17,7 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 from pydantic import Field
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import writing
 from choreograph.music.song import load_song

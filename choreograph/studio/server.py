@@ -37,7 +37,7 @@ from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.core.errors import ChoreographError, FormatError, ParameterError
 from choreograph.core.files import check_regular
 from choreograph.library.repertoire import Repertoire

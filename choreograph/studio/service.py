@@ -15,7 +15,7 @@ from pathlib import Path
 from shutil import rmtree
 from typing import Any, get_args
 
-from choreograph.characters.gltf_character import GltfCharacter, read_character
+from choreograph.characters.character import GltfCharacter, read_character
 from choreograph.choreography.scenes import FORMATIONS
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import locked_folder
@@ -27,7 +27,7 @@ from choreograph.studio.facts import Palette, character_facts, weight_choices
 from choreograph.studio.jobs import Job, Jobs
 from choreograph.studio.project import ENGINES, RELATIONS, EditKind
 from choreograph.studio.refusals import NotFoundError
-from choreograph.view.page_data import deflate_base64
+from choreograph.view.page import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
 _LEVELS_PER_S = 50

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from choreograph.characters.gltf_character import GltfCharacter
+from choreograph.characters.character import GltfCharacter
 from choreograph.choreography.constraints import parse_ban
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.cache import Memory

@@ -20,8 +20,7 @@ from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.writer import DANCE_GENERATOR
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
-from choreograph.view.crowd import shots_of
-from choreograph.view.renderer import Pixels, Shots
+from choreograph.view.renderer import Pixels, Shots, shots_of
 from choreograph.view.sound import Clicks, SongPart, aac_packets, aac_stream, silent_part, song_part
 
 # The first encoder of the installed PyAV is used. H.264 plays everywhere, and "mpeg4" is in every build.

@@ -28,7 +28,7 @@ from choreograph.motion.retargeting import retarget, share_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.motion.skinned_mesh import build_mannequin
 from choreograph.studio.ratings import BETTER, KEY_FORMAT, KEY_NAME, VERSION
-from choreograph.view.page_data import (
+from choreograph.view.page import (
     ROTVEC_STEP_RAD,
     bundle_scripts,
     compress_mesh,

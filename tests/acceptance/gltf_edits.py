@@ -11,7 +11,7 @@ import numpy as np
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import save_motion
 

@@ -53,7 +53,7 @@ from acceptance.gltf_edits import (
     without_skin,
 )
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import body_pos_m

@@ -16,8 +16,8 @@ from synthetic_motions import swaying
 from synthetic_plans import MIXED, PINNED, PLAN, ROLLED
 
 from choreograph.choreography.constraints import read_signature
+from choreograph.formats.manifest import read_counts
 from choreograph.formats.register import import_takes, save_motion
-from choreograph.formats.tables import read_counts
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.bone_map import read_bone_map

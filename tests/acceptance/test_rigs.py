@@ -16,7 +16,7 @@ from acceptance.made_rigs import Rig, made_of, number, write_bvh
 
 from choreograph.core.errors import FormatError
 from choreograph.formats.register import import_takes
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.bone_map import joint_roles
 
 _SPINE3 = "Hips:pelvis, Spine:spine1, Spine1:spine2, Spine2:spine3, Neck:neck, Head:head"
 MIXAMO = Rig(

@@ -26,7 +26,7 @@ import soundfile
 
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import starter_repertoire
-from choreograph.live.osc import messages_of
+from choreograph.live.vmc import messages_of
 from choreograph.motion.motion import Motion
 
 _RATE_HZ = 22050

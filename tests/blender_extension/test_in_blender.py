@@ -18,8 +18,7 @@ from scipy.spatial import cKDTree
 from synthetic_characters import CHARACTERS, write_character
 
 import choreograph as cg
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.formats.fbx import find_blender
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -16,10 +16,9 @@ from command_line import run
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import read_rig
+from choreograph.characters.character import perform, read_character
+from choreograph.formats.gltf import read_rig
+from choreograph.formats.gltf_document import read_gltf
 from choreograph.pipeline.saving import save_on_character
 
 FOLDER = Path(__file__).resolve().parents[2] / "blender_extension"

@@ -13,8 +13,7 @@ from gltf_worlds import node_worlds
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform, rolled
+from choreograph.characters.character import perform, read_character, rolled
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward

@@ -12,8 +12,7 @@ import pytest
 from gltf_worlds import inside_body, node_worlds, skinned_vertices_m
 from synthetic_characters import CHARACTERS, write_character
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.library.repertoire import starter_repertoire
 from choreograph.motion.body import body_pos_m

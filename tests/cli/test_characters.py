@@ -13,7 +13,7 @@ from synthetic_motions import stepping, swaying
 import choreograph as cg
 from choreograph.cli.characters import NAMINGS
 from choreograph.formats.bvh import BvhOptions, BvhWriter
-from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_document import read_gltf
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.formats.writer import NAMES
 

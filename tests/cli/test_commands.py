@@ -99,7 +99,7 @@ def test_inspect_prints_text_and_json(db):
 
 
 def test_inspect_prints_and_plots_the_motifs_of_genres(tmp_path, monkeypatch, db_with_motifs):
-    monkeypatch.setattr("choreograph.view.motif_plots.STRIPS", 1)
+    monkeypatch.setattr("choreograph.view.strip.STRIPS", 1)
     path = db_with_motifs
     shown = run("inspect", path, "--plots", tmp_path / "plots")
     assert shown.exit_code == 0, shown.output

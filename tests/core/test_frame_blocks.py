@@ -17,7 +17,7 @@ from choreograph.motion.body import body_indices, body_pos_m
 from choreograph.motion.motion_beats import SMOOTHING_S, mean_joint_speed_m_s
 from choreograph.music.mel import ONSET_RANGE, band_means, loudness, onset_envelopes, scaled
 from choreograph.music.song_features import energy_per_second
-from choreograph.view.page_data import ROTVEC_STEP_RAD, compress_motion, deflate_base64
+from choreograph.view.page import ROTVEC_STEP_RAD, compress_motion, deflate_base64
 
 SEVERAL = 2 * BLOCK_FRAMES + 17  # frames: three blocks
 

@@ -13,8 +13,8 @@ from synthetic_motions import swaying
 from choreograph.core.counts import ANNOTATED, DATA_SET, Figure, make_counts
 from choreograph.core.errors import FormatError
 from choreograph.formats.choreonet import figure_counts, read_choreographies
+from choreograph.formats.manifest import write_counts
 from choreograph.formats.register import annotate_takes, import_takes, save_motion
-from choreograph.formats.tables import write_counts
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
 from choreograph.motion.motion import Credits, Take

@@ -12,11 +12,10 @@ from gltf_worlds import node_worlds
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping, swaying
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.formats.fbx import VARIABLE, convert, find_blender
-from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_document import read_gltf
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.pipeline.saving import save_on_character
 

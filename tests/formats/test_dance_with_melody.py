@@ -14,9 +14,8 @@ from choreograph.formats import dance_with_melody
 from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward
-from choreograph.motion.marker_fitting import fit_error_m, fit_positions
+from choreograph.motion.marker_fitting import cluster_bodies, fit_error_m, fit_positions, measure_skeleton
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.motion.skeleton_calibration import cluster_bodies, measure_skeleton
 
 DATA = Path(__file__).resolve().parents[2].parent / "shared" / "data" / "dance-with-melody"
 

@@ -1,20 +1,148 @@
-"""Data sets from a local server: resumed, compared with their sums, unpacked inside of their folder only."""
+"""Data sets, their download, and takes at addresses."""
 
 from __future__ import annotations
 
 import io
 import stat
+import sys
 import zipfile
 from contextlib import suppress
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from command_line import assert_one_line, run
 from file_server import hosted
+from synthetic_motions import stepping
 
-from choreograph.core.errors import ChoreographError, FormatError
-from choreograph.formats.data_sets import DataSet, SetFile
-from choreograph.formats.download import fetch, unpack
+from choreograph.core.errors import ChoreographError, FormatError, ParameterError
+from choreograph.formats.download import (
+    DataSet,
+    SetFile,
+    data_set,
+    data_sets,
+    fetch,
+    is_address,
+    local_sources,
+    unpack,
+)
+from choreograph.formats.register import save_motion
+
+MINE = """
+[mine]
+title = "Mine"
+about = "a set"
+licence = "CC0"
+terms = ["none"]
+page = "https://example.org"
+build = "takes"
+layout = "takes/*.bvh"
+"""
+FILE = """
+[[mine.files]]
+url = "https://example.org/a.zip"
+max_bytes = 10
+keep = ["*.bvh"]
+into = "takes"
+max_unpacked_bytes = 20
+"""
+
+
+def test_every_set_shows_terms_and_says_how_it_is_got():
+    known = data_sets()
+    assert {"aist++", "lafan1", "100style", "cmu", "amass"} <= set(known)
+    for one in known.values():
+        assert one.terms and all(one.terms) and one.licence and one.page.startswith("http")
+        assert one.files or one.by_hand
+        assert one.layout.startswith(one.build)
+        assert len({file.name for file in one.files}) == len(one.files)  # they lie in one folder
+        assert all(file.into.startswith(one.build) for file in one.files)
+    assert not known["amass"].files and not known["motorica"].files  # their owners ask for a form
+
+
+def test_a_set_is_found_by_its_name_in_any_case():
+    assert data_set("AIST++").title == "AIST++"
+    with pytest.raises(ParameterError, match=r"among aist\+\+, .*got 'edge'"):
+        data_set("edge")
+
+
+def test_a_table_of_ones_own(tmp_path):
+    path = tmp_path / "sets.toml"
+    path.write_text(MINE + FILE)
+    assert data_set("mine", path).files[0].name == "a.zip"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("mine", "in TOML"),
+        ("mine = 1", "a table of keys"),
+        (MINE, "files or by_hand"),
+        (MINE.replace("[mine]", "[Mine]") + "by_hand = 'x'", "small letters"),
+        (MINE.replace('licence = "CC0"', "") + FILE, "got no licence"),
+        (MINE + "extra = 1" + FILE, "got also extra"),
+        (MINE.replace('["none"]', '"none"') + FILE, "expected terms"),
+        (MINE + FILE.replace("10", '"10"'), "expected max_bytes"),
+        (MINE + FILE.replace("10", "-1"), "expected max_bytes"),
+        (MINE + FILE.replace("https:", "file:"), "http or https"),
+        (MINE + FILE.replace("/a.zip", ""), "address of a file"),
+        (MINE + FILE + 'sum = "sha256:12"', "expected a sum"),
+        (MINE + FILE + f'sum = "md5:{"g" * 32}"', "expected a sum"),
+        (MINE + FILE.replace('into = "takes"', 'into = "../takes"'), "inside"),
+        (MINE.replace('"takes"', '"/takes"') + FILE, "inside"),
+        (MINE + "files = 3", "[[mine.files]]"),
+        ("", "got none"),
+        (MINE + FILE.replace("10", "9" * 5000), "in TOML"),
+        ("a = " + "[" * 100_000, "in TOML"),
+        (MINE + FILE + FILE, "one name twice"),
+        (MINE + FILE.replace("/a.zip", "/lock"), "locks the folder"),
+        (MINE + FILE.replace("/a.zip", "/Owner.json"), "locks the folder"),
+        (MINE + FILE.replace('["*.bvh"]', "[]"), "expected keep"),
+        *(
+            (MINE + FILE.replace("/a.zip", end), "address of a file")
+            for end in (
+                "/..",
+                "/a/..",
+                "/..?x=1",
+                r"/a\u0000b",
+                r"/a\nb.zip",
+                "/a:b.zip",
+                "/.hidden",
+                f"/{'n' * 300}",
+                r"/a\\..\\b",
+                ":99999/a.zip",
+                ":x/a.zip",
+            )
+        ),
+        *((MINE + FILE.replace("example.org", host), "address of a file") for host in ("", "[bad", ":80")),
+        *(
+            ((MINE + FILE).replace("mine", name), "name")
+            for name in (
+                '".."',
+                '"."',
+                '"../x"',
+                '"/tmp/x"',
+                '""',
+                r'"a\u0000"',
+                r'"a\\b"',
+                '"c:"',
+                f'"{"n" * 300}"',
+            )
+        ),
+        *((MINE.replace("takes/*.bvh", glob) + FILE, "glob") for glob in ("", ".", "**x", "a/***")),
+        (MINE.replace("takes/*.bvh", r"takes/*\u0000") + FILE, "inside"),
+        (MINE.replace('"takes"', r'"a\u0000"') + FILE, "inside"),
+        (MINE.replace('"takes"', f'"{"a" * 5000}"') + FILE, "inside"),
+    ],
+)
+def test_a_damaged_table_is_refused_in_one_line(tmp_path, text, says):
+    path = tmp_path / "sets.toml"
+    path.write_text(text)
+    with pytest.raises(FormatError) as raised:
+        data_sets(path)
+    assert says in str(raised.value) and "\n" not in str(raised.value)
+
 
 BLOCK = 1 << 18  # bytes that are written at a time: a break loses less than one
 NOISE = np.random.default_rng(0).bytes(3 * BLOCK)
@@ -274,3 +402,109 @@ def test_an_archive_with_any_damage_is_unpacked_or_refused(tmp_path, method):
             damaged[at] = rng.integers(256)
         with suppress(FormatError):  # no error of writing
             unpacked(tmp_path, bytes(damaged))
+
+
+fsspec = pytest.importorskip("fsspec")
+
+
+@pytest.fixture
+def address(tmp_path):
+    """A folder in memory with a take in it and a file below it, and the same in a folder here."""
+    folder = tmp_path / "takes"
+    save_motion_to = folder / "walk.bvh"
+    folder.mkdir()
+    save_motion(save_motion_to, stepping(30 * 9, seed=1))
+    (folder / "notes").mkdir()
+    (folder / "notes" / "read me.txt").write_text("hello")
+    memory = fsspec.filesystem("memory")
+    memory.put(f"{folder}/", "/bucket/takes/", recursive=True)
+    yield "memory://bucket/takes"
+    memory.rm("/bucket", recursive=True)
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("s3://bucket/takes", True), ("memory://x", True), ("takes", False), ("C:/takes", False),
+        ("://", False), ("../a://b", False),
+    ],
+)  # fmt: skip
+def test_addresses_have_a_protocol(source, expected):
+    assert is_address(source) == expected
+
+
+def test_a_folder_is_copied_with_its_name_and_removed(address, tmp_path):
+    with local_sources([tmp_path / "takes", address, f"{address}/walk.bvh"], tmp_path / "work") as paths:
+        here, folder, file = paths
+        assert here == tmp_path / "takes" and (folder.name, file.name) == ("takes", "walk.bvh")
+        for inside in ("walk.bvh", "notes/read me.txt"):
+            assert (folder / inside).read_bytes() == (here / inside).read_bytes()
+        assert file.read_bytes() == (here / "walk.bvh").read_bytes()
+    assert not (tmp_path / "work" / "fetched").exists()
+
+
+@pytest.mark.parametrize(
+    ("source", "says"),
+    [
+        ("memory://nothing/here", "expected takes at memory://nothing/here, got nothing"),
+        ("nosuch://bucket", "nosuch://bucket: expected takes, could not read them: Protocol not known"),
+        pytest.param(
+            "s3://bucket/takes",
+            "s3://bucket/takes: expected takes, could not read them: Install s3fs",
+            marks=pytest.mark.skipif(find_spec("s3fs") is not None, reason="s3fs is installed"),
+        ),
+    ],
+)
+def test_what_cannot_be_read_is_said_in_a_line(tmp_path, source, says):
+    assert_one_line(run("build-db", source, "-o", tmp_path / "rep.h5"), says=says)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "reference://x", "data://x", "data://,x", "data://text/plain;base64,AAAA", "dir://x", "generic://x",
+        "github://x", "dask://x", "filecache://x", "zip://x", "memory://\0", "http://[bad/", "file://\0",
+        "http://127.0.0.1:99999/takes",
+    ],
+)  # fmt: skip
+def test_no_protocol_raises_an_error_of_its_own(tmp_path, source):
+    with (
+        pytest.raises(ParameterError, match=r"expected takes") as raised,
+        local_sources([source], tmp_path / "work"),
+    ):
+        pass
+    assert "\n" not in str(raised.value) and not (tmp_path / "work" / "fetched").exists()
+
+
+def test_a_name_that_leads_out_of_the_folder_is_replaced(tmp_path):
+    memory = fsspec.filesystem("memory")
+    memory.pipe("/bucket/..", b"x")
+    try:
+        with local_sources(["memory://bucket/.."], tmp_path / "work") as (path,):
+            assert path == tmp_path / "work" / "fetched" / "0" / "takes" and path.read_bytes() == b"x"
+    finally:
+        memory.rm("/bucket", recursive=True)
+
+
+def test_without_the_package_addresses_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    refused = pytest.raises(ParameterError, match=r"expected the package fsspec .*choreograph\[remote\]")
+    with refused, local_sources(["memory://a"], tmp_path):
+        pass
+
+
+def test_files_outside_of_the_address_are_refused(address, tmp_path, monkeypatch):
+    found = fsspec.implementations.memory.MemoryFileSystem.find
+    monkeypatch.setattr(
+        "fsspec.implementations.memory.MemoryFileSystem.find",
+        lambda *given, **options: [*found(*given, **options), "/bucket/takes/../../evil.bvh"],
+    )
+    with pytest.raises(ParameterError, match="expected files below it"), local_sources([address], tmp_path):
+        pass
+
+
+def test_check_shows_takes_at_an_address(address):
+    shown = run("build-db", address, "--check")
+    assert shown.exit_code == 0, shown.output
+    assert "read as walk" in shown.stdout

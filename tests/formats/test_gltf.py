@@ -9,12 +9,10 @@ import pytest
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import on_other_axes, stepping, swaying
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.formats.gltf import _frame_times, _sampled, read_gltf_motions
-from choreograph.formats.gltf_document import GltfDocument
-from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_document import GltfDocument, read_gltf
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.motion import rotations as rot
 from choreograph.motion.kinematics import forward

@@ -19,11 +19,10 @@ from browsers import SWIFTSHADER, until
 from synthetic_characters import CHARACTERS, VRM, write_character
 from synthetic_motions import on_other_axes, swaying
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.formats.glb import GlbWriter, clips_document
 from choreograph.formats.register import save_motion
-from choreograph.formats.targets import TARGETS
-from choreograph.formats.writer import NAMES
+from choreograph.formats.writer import NAMES, TARGETS
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 

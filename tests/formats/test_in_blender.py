@@ -13,14 +13,12 @@ from heads_in_blender import bone_heads_m
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import swaying
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.formats.bvh import BvhOptions, BvhWriter
 from choreograph.formats.fbx import find_blender
 from choreograph.formats.glb import GlbWriter
 from choreograph.formats.register import save_motion
-from choreograph.formats.targets import TARGETS
-from choreograph.formats.writer import NAMES
+from choreograph.formats.writer import NAMES, TARGETS
 from choreograph.pipeline.saving import save_on_character
 
 FRAMES = np.sort(np.random.default_rng(20).choice(120, 20, replace=False))

@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.core.errors import FormatError
-from choreograph.formats.gltf_document import GltfDocument
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import read_rig, read_skin_points
+from choreograph.formats.gltf import read_rig, read_skin_points
+from choreograph.formats.gltf_document import GltfDocument, read_gltf
 
 
 def as_gltf(document: GltfDocument, folder, *, embedded: bool):

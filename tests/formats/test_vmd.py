@@ -12,9 +12,18 @@ import choreograph as cg
 from choreograph.core.counts import Figure
 from choreograph.core.errors import ChoreographError, FormatError
 from choreograph.formats.register import load_motion, save_motion
-from choreograph.formats.vmd import VmdWriter, on_hinges, read_vmd
-from choreograph.formats.vmd_body import UNIT_M, hinged_thigh, standard_body
-from choreograph.formats.vmd_file import BoneKeys, curve_value, parse_vmd, vmd_bytes
+from choreograph.formats.vmd import (
+    UNIT_M,
+    BoneKeys,
+    VmdWriter,
+    curve_value,
+    hinged_thigh,
+    on_hinges,
+    parse_vmd,
+    read_vmd,
+    standard_body,
+    vmd_bytes,
+)
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget

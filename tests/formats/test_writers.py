@@ -17,8 +17,8 @@ from choreograph.formats.bvh import BvhOptions, BvhWriter, read_bvh
 from choreograph.formats.npz import NpzWriter, read_npz
 from choreograph.formats.register import get_writer, save_motion
 from choreograph.formats.writer import NAMES
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton
 
 

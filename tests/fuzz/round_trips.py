@@ -12,9 +12,9 @@ from choreograph.core.counts import Counts, Figure
 from choreograph.formats.axes_and_units import rotation_to_y_up, unit_m
 from choreograph.formats.bvh import read_bvh
 from choreograph.formats.gltf import read_gltf_motions
+from choreograph.formats.manifest import read_counts, write_counts
 from choreograph.formats.npz import read_npz
 from choreograph.formats.register import save_motion
-from choreograph.formats.tables import read_counts, write_counts
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion, Take
 from choreograph.motion.skeleton import Skeleton

@@ -39,10 +39,10 @@ from choreograph.choreography.constraints import read_motifs, read_signature
 from choreograph.core.cache import DiskCache
 from choreograph.core.errors import FormatError
 from choreograph.formats.choreonet import read_choreographies
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import read_rig
+from choreograph.formats.gltf import read_rig
+from choreograph.formats.gltf_document import read_gltf
+from choreograph.formats.manifest import read_counts
 from choreograph.formats.register import annotate_takes, import_takes, save_motion
-from choreograph.formats.tables import read_counts
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.writing import write_repertoire
 from choreograph.motion import rotations as rot

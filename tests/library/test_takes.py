@@ -17,7 +17,7 @@ from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
 from choreograph.library.notes import Note
 from choreograph.motion import rotations as rot
-from choreograph.motion.rigs import joint_roles
+from choreograph.motion.bone_map import joint_roles
 
 # What a build does to its takes before anything is measured.
 

@@ -1,17 +1,19 @@
-"""Requests by OSC, JSON and typed lines, and those that are refused."""
+"""Requests for a dance that runs."""
 
 from __future__ import annotations
 
 import json
+import socket
+import time
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import choreograph as cg
-from choreograph.core.errors import FormatError
-from choreograph.live.osc import Message
-from choreograph.live.requests import KINDS, Request, of_json, of_line, of_message
+from choreograph.core.errors import ChoreographError, FormatError
+from choreograph.live.requests import KINDS, Request, listening, of_json, of_line, of_message, take_lines
+from choreograph.live.vmc import Message, bundle
 
 WANTED = [
     ("genre", "salsa", Request("genre", "salsa")),
@@ -89,3 +91,36 @@ def test_no_text_is_an_error_of_another_kind(text):
 def test_a_pin_is_of_its_phrase():
     assert Request("pin", "take:a").pin(8.0, 16.0) == cg.TakePin(8.0, 16.0, "a")
     assert Request("pin", "motif:4").pin(8.0, 16.0) == cg.MotifPin(8.0, 4)
+
+
+def test_requests_arrive_and_other_packets_are_noted():
+    asked, notes = [], []
+    with listening(0, asked.append, notes.append) as port, socket.socket(type=socket.SOCK_DGRAM) as out:
+        for packet in (
+            Message("/dance/genre", ("salsa",)).to_bytes(),
+            b"no packet of OSC",
+            bundle([Message("/dance/seed", (3,)), Message("/dance/energy", (0.5,))]),
+            Message("/dance/colour", ("red",)).to_bytes(),
+        ):
+            out.sendto(packet, ("127.0.0.1", port))
+        until = time.monotonic() + 5.0
+        while (len(asked) < 3 or len(notes) < 2) and time.monotonic() < until:
+            time.sleep(0.01)
+    assert asked == [Request("genre", "salsa"), Request("seed", 3), Request("energy", 0.5)]
+    assert len(notes) == 2 and "colour" in notes[1]
+
+
+def test_a_port_in_use_is_said():
+    with (
+        listening(0, print, print) as port,
+        pytest.raises(ChoreographError, match="free UDP port for --control"),
+        listening(port, print, print),
+    ):
+        pass
+
+
+def test_lines_are_taken_until_there_are_no_more():
+    asked, notes = [], []
+    take_lines(["genre house\n", "\n", "faster\n", "seed 2\n"], asked.append, notes.append)
+    assert asked == [Request("genre", "house"), Request("seed", 2)]
+    assert len(notes) == 1 and "faster" in notes[0]

@@ -14,10 +14,9 @@ from synthetic_motions import stepping, swaying
 from synthetic_repertoire import write_clicks
 
 from choreograph.formats.register import save_motion
-from choreograph.live.osc import messages_of
 from choreograph.live.sound import silent
 from choreograph.live.stream import send_frames
-from choreograph.live.vmc import VmcBody
+from choreograph.live.vmc import VmcBody, messages_of
 
 FPS = 60.0
 

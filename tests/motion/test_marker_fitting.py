@@ -12,9 +12,8 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.cleaning import bridge_flips, smoothed_angle
 from choreograph.motion.contacts import estimate_floor_m, track_floor_m
 from choreograph.motion.kinematics import forward, two_bone
-from choreograph.motion.marker_fitting import REQUIRED_ROLES, fit_error_m, fit_positions
+from choreograph.motion.marker_fitting import REQUIRED_ROLES, fit_error_m, fit_positions, resized, size_ratio
 from choreograph.motion.skeleton import CANONICAL_JOINTS, canonical_skeleton
-from choreograph.motion.skeleton_calibration import resized, size_ratio
 
 
 def _synthetic(rng: np.random.Generator, n_frames: int = 60):

@@ -11,10 +11,10 @@ from synthetic_motions import on_other_axes, swaying
 from choreograph.core.errors import ParameterError
 from choreograph.formats.bvh import read_bvh
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import joint_roles, rest_pose_is_upright
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
 from choreograph.motion.retargeting import retarget, share_skeleton
-from choreograph.motion.rigs import joint_roles, rest_pose_is_upright
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from synthetic_motions import on_other_axes, swaying
 
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import rest_pose_is_upright
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import rest_pose_is_upright
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 from choreograph.motion.skinned_mesh import PARTS, SkinnedMesh, build_mannequin, skin_matrices
 from choreograph.view.renderer import skinned

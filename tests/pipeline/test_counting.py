@@ -12,7 +12,7 @@ from synthetic_repertoire import write_clicks
 import choreograph as cg
 from choreograph.core.counts import ANNOTATED, FROM_MOTION, FROM_MUSIC
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.formats.tables import read_counts
+from choreograph.formats.manifest import read_counts
 from choreograph.pipeline.counting import count_file, save_counts
 
 

@@ -8,7 +8,7 @@ from synthetic_pages import plan_for
 
 import choreograph as cg
 from choreograph.core.counts import Figure
-from choreograph.formats.vmd_file import parse_vmd
+from choreograph.formats.vmd import parse_vmd
 from choreograph.pipeline.dancing import danced_figures, figures_from
 from choreograph.pipeline.scenes import figures_of_parts
 from choreograph.plan.scenes import DancerPart

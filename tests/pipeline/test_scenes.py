@@ -17,12 +17,11 @@ import choreograph as cg
 from choreograph.core.counts import counts_later_s
 from choreograph.evaluation.metrics import scene as of_scene
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.formats.gltf_rig import SkinPoints
+from choreograph.formats.gltf import SkinPoints
+from choreograph.formats.gltf_document import read_gltf
 from choreograph.motion import rotations as rot
-from choreograph.motion.body import body_pos_m
+from choreograph.motion.body import body_pos_m, mirrored_motion
 from choreograph.motion.cameras import plan_cameras
-from choreograph.motion.mirroring import mirrored_motion
 from choreograph.motion.retargeting import leg_length_m
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.pipeline.scene_planning import BodySize, sizes_of

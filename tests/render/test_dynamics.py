@@ -18,8 +18,7 @@ from choreograph.core.numerics import frame_blocks
 from choreograph.evaluation.metrics.energy_response import speed_within_m_s
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jumps_per_minute
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
-from choreograph.motion.contacts import foot_contacts
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import foot_contacts, lock_feet
 from choreograph.plan.runs import STOP_EASE_S, Run, with_stops
 from choreograph.render.dynamics import hold_stops_in_place, with_amplitudes
 

@@ -8,8 +8,7 @@ import pytest
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, ground_pos_m
-from choreograph.motion.contacts import foot_contacts
-from choreograph.motion.foot_locking import DANCE_SHIFT_S, lock_feet, locking_shift
+from choreograph.motion.contacts import DANCE_SHIFT_S, foot_contacts, lock_feet, locking_shift
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.plan.joins import alignment_at, sample_run

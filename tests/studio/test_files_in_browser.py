@@ -14,7 +14,7 @@ from synthetic_characters import CHARACTERS, write_character
 from synthetic_motions import stepping
 
 from choreograph.formats.fbx import find_blender
-from choreograph.formats.gltf_files import read_gltf
+from choreograph.formats.gltf_document import read_gltf
 from choreograph.formats.register import load_motion, save_motion
 from choreograph.studio import file_routes
 

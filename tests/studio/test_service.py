@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from synthetic_characters import CHARACTERS, write_character
 
-from choreograph.characters.gltf_character import read_character
+from choreograph.characters.character import read_character
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.studio.refusals import NotFoundError
 from choreograph.studio.server import start

@@ -14,8 +14,8 @@ from synthetic_characters import VRM, Spec, write_character
 import choreograph as cg
 from choreograph.choreography.edits import Swap
 from choreograph.core.errors import ChoreographError, ParameterError
-from choreograph.formats.gltf_files import read_gltf
-from choreograph.motion.mirroring import mirrored_motion
+from choreograph.formats.gltf_document import read_gltf
+from choreograph.motion.body import mirrored_motion
 from choreograph.studio.desk import Desk
 from choreograph.studio.exports import EXPORTED, export_scene, exports_of_each
 from choreograph.studio.steps import StepDances

@@ -12,8 +12,7 @@ from browsers import picture, state, until
 from synthetic_characters import CHARACTERS, write_character
 from synthetic_pages import DANCE, plan_for
 
-from choreograph.characters.gltf_character import read_character
-from choreograph.characters.performance import perform
+from choreograph.characters.character import perform, read_character
 from choreograph.core.errors import ParameterError
 from choreograph.formats.register import save_motion
 from choreograph.pipeline.saving import SavedParts, save_dance

@@ -14,7 +14,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.motion.skinned_mesh import build_mannequin
-from choreograph.view.page_data import ROTVEC_STEP_RAD, CompressedMotion, compress_mesh, compress_motion
+from choreograph.view.page import ROTVEC_STEP_RAD, CompressedMotion, compress_mesh, compress_motion
 
 
 def decompressed(compressed: CompressedMotion) -> tuple[np.ndarray, np.ndarray]:

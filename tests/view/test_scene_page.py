@@ -13,8 +13,7 @@ from browsers import picture, state
 from synthetic_pages import DANCE, FPS, plan_for
 
 from choreograph.motion.motion import Motion
-from choreograph.view.page import write_page
-from choreograph.view.page_data import bundle_scripts, page_part
+from choreograph.view.page import bundle_scripts, page_part, write_page
 
 PLACES_M = (0.0, 2.0, -2.0, 4.0, -4.0, 6.0, -6.0, 8.0)
 

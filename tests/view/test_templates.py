@@ -5,7 +5,7 @@ import pytest
 
 from choreograph.core.errors import ParameterError
 from choreograph.library.vocabulary import Motifs, make_vocabulary
-from choreograph.view.motif_plots import dances_of, distance_over_time, distances_to_template
+from choreograph.view.strip import dances_of, distance_over_time, distances_to_template
 
 GENRES = ("polka", "polka", "", "polka")  # the last take has no words
 

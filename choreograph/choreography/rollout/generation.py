@@ -20,8 +20,7 @@ from choreograph.core.progress import substage
 from choreograph.core.timebase import frame_times_s, seconds_to_frames, times_to_frames
 from choreograph.library.songs import DEFAULT_BEATS, names_a_tracker, song_counts
 from choreograph.library.vocabulary import Motifs, dance_bounds_s
-from choreograph.motion.contacts import contacts_of
-from choreograph.motion.foot_locking import lock_feet_in_place
+from choreograph.motion.contacts import contacts_of, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
 from choreograph.music.frame_rhythm import rhythm_from, word_spectra
@@ -159,7 +158,7 @@ def generate_motion(
 
     Poses from the network are smoothed slightly, and the heading more. Unlike in the paper, the dancer is
     steered to the front, and the path back if it leaves the stage. Feet are locked if the network predicts
-    contact and they nearly stand (`motion.foot_locking`).
+    contact and they nearly stand (`motion.contacts`).
 
     Raises `ParameterError` if the sequence is empty or the skeleton is not the network's.
     """

@@ -23,7 +23,7 @@ from choreograph.core.numerics import AnyFloats, Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import DEFAULT_WORD_S, dance_bounds_s
 from choreograph.motion import rotations as rot
-from choreograph.motion.foot_locking import FootLockStream
+from choreograph.motion.contacts import FootLockStream
 from choreograph.motion.motion import Motion
 from choreograph.nets.rollout_poses import (
     N_FEET,

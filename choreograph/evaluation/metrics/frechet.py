@@ -40,9 +40,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, Indices, default_numerics
 from choreograph.core.timebase import NET_FPS
 from choreograph.motion import rotations as rot
+from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Motion
-from choreograph.motion.rigs import joint_roles
 from choreograph.motion.skeleton import CANONICAL_JOINTS, CANONICAL_PARENTS, Skeleton
 
 POSE_FPS = NET_FPS

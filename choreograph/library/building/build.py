@@ -16,7 +16,7 @@ from choreograph.core.counts import FROM_MOTION
 from choreograph.core.files import check_apart, check_target, folder_beside, locked_folder
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import beside, is_of_torchrun, working
-from choreograph.formats.remote import is_address, local_sources
+from choreograph.formats.download import is_address, local_sources
 from choreograph.library.building.counting import Counting
 from choreograph.library.building.networks import (
     STYLE_NET,
@@ -74,7 +74,7 @@ def build_repertoire(
     Parameters
     ----------
     sources : folders or files of takes, of any layout in `choreograph.formats.register`, or their addresses
-        as of `choreograph.formats.remote`
+        as of `choreograph.formats.download`
     output : the file to write. Work in progress lies beside it in `OUTPUT.build/`
     teacher : makes dances that the rollout network learns from in addition to the takes, by default none
     report : called with the name of the stage, the work done so far, and all the work

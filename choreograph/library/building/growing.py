@@ -27,7 +27,7 @@ from choreograph.core.files import check_apart, check_target, folder_beside, loc
 from choreograph.core.numerics import AnyFloats, Floats, Indices, squared_distances
 from choreograph.core.progress import ProgressReport
 from choreograph.core.workers import working
-from choreograph.formats.remote import is_address, local_sources
+from choreograph.formats.download import is_address, local_sources
 from choreograph.library.building.build import clip_features
 from choreograph.library.building.counting import Counting
 from choreograph.library.building.networks import source_checksums

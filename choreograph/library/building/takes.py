@@ -30,7 +30,7 @@ from choreograph.library.writing import MeasuredTake
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.bone_map import has_bones
 from choreograph.motion.cleaning import without_jumps
-from choreograph.motion.foot_locking import lock_feet
+from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Take
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.motion.retargeting import retarget

@@ -1,4 +1,4 @@
-// Decodes the data that view/page_data.py encodes.
+// Decodes the data that view/page.py encodes.
 
 import { rotationVectorInto } from "./math.js";
 

@@ -1,4 +1,4 @@
-"""Heading and ground position of a body, and poses in the root frame."""
+"""Poses in the root frame, and mirror images."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic_motions import swaying
+from synthetic_motions import stepping, swaying
 
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import (
@@ -16,6 +16,7 @@ from choreograph.motion.body import (
     ground_pos_m,
     heading_rad,
     mirrored,
+    mirrored_motion,
     to_root_frame,
 )
 from choreograph.motion.motion import Motion
@@ -80,3 +81,21 @@ def test_a_clip_in_the_root_frame_keeps_its_travel_but_not_its_position():
     assert np.allclose(ground_pos_m(clip).mean(axis=0), 0.0)
     travel = np.linalg.norm(BODY[-1] - BODY[0], axis=-1)
     assert np.allclose(np.linalg.norm(clip[-1] - clip[0], axis=-1), travel)
+
+
+MOTION = stepping(60).moved(yaw_rad=0.4)
+
+
+def test_the_joints_of_a_mirrored_motion_are_the_mirrored_joints():
+    np.testing.assert_allclose(body_pos_m(mirrored_motion(MOTION)), mirrored(body_pos_m(MOTION)), atol=1e-9)
+
+
+def test_a_motion_mirrored_twice_is_the_same():
+    twice = mirrored_motion(mirrored_motion(MOTION))
+    np.testing.assert_allclose(twice.root_pos_m, MOTION.root_pos_m)
+    np.testing.assert_allclose(twice.local_quat, MOTION.local_quat)
+
+
+def test_headings_are_mirrored():
+    before, after = (heading_rad(body_pos_m(one)) for one in (MOTION, mirrored_motion(MOTION)))
+    np.testing.assert_allclose(after, -before, atol=1e-9)

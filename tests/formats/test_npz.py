@@ -1,4 +1,4 @@
-"""NPY files: what NumPy writes is read, and a header that states anything else is refused in one line."""
+"""NPY: arrays without pickles."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 import choreograph as cg
 from choreograph.core.errors import FormatError
-from choreograph.formats.npy import array_of, header_of
+from choreograph.formats.npz import array_of, header_of
 
 POSES = np.arange(24.0).reshape(2, 3, 4)
 
