@@ -10,8 +10,7 @@ from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import BUILTIN_COSTS
 from choreograph.choreography.graph.layers import Moments
 from choreograph.choreography.graph.motif_costs import node_motifs, song_words_s
-from choreograph.choreography.graph.segments import ClipTable, LayerSource
-from choreograph.choreography.graph.warped_segments import Segments
+from choreograph.choreography.graph.segments import ClipTable, LayerSource, Segments
 from choreograph.choreography.graph.warping import NO_TIME_MAP
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import CLIP_FRAMES, NODE_FRAMES, SEGMENT_FRAMES

@@ -7,7 +7,7 @@ the group `choreograph.engines`, under the engine's name.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pkgutil import resolve_name
 from typing import Any, Protocol
 
@@ -64,8 +64,7 @@ class DanceRequest:
     kept: KeptDance | None = None  # its kept parts replace what is planned there
     report: ProgressReport | None = None  # of the progress
     memory: Memory = NO_MEMORY  # of values for this repertoire
-    # Shows a plan that the engine has early and rarely changes. If it is given, the costs of seconds may be
-    # missing from the plan: `EngineResult`.
+    # Shows a plan, without costs, that the engine has early and rarely changes.
     likely: Callable[[Plan], None] | None = None
 
     @property
@@ -178,15 +177,6 @@ class EngineResult:
     generated: Motion | None = None  # what a network dances, without the stops and amplitudes of the plan
     over: Motion | None = None  # a rendered dance, over which the words of takes in the plan are laid
     check: Check | None = None  # of the rendered plan
-    costs_of: Callable[[], list[dict[str, float]]] | None = None  # of the seconds, if `plan` lacks them
-
-    def with_costs(self) -> EngineResult:
-        """The result with the costs of all seconds in its plan. They explain the dance."""
-        if self.costs_of is None:
-            return self
-        found = zip(self.plan.seconds, self.costs_of(), strict=True)
-        seconds = tuple(replace(second, costs=costs) for second, costs in found)
-        return replace(self, plan=replace(self.plan, seconds=seconds), costs_of=None)
 
 
 class Engine(Protocol):

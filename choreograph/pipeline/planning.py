@@ -88,7 +88,7 @@ def plan_and_render(
     if unshown and result.generated is None:
         unshown.pop().show(result.plan, repertoire, memory)
     motion = _rendered(result, repertoire, memory, report)
-    return result.with_costs(), motion
+    return result, motion
 
 
 def _rendered(

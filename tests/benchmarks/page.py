@@ -27,7 +27,7 @@ from stages import REST, measured, song_of, unit_s
 
 import choreograph as cg
 from choreograph.choreography.graph import engine as graph_engine
-from choreograph.choreography.graph import forward, kernels
+from choreograph.choreography.graph import kernels, planners
 from choreograph.choreography.graph.warping import subsequence_dtw
 
 SONGS_S = (60.0, 180.0)
@@ -93,15 +93,15 @@ def warps() -> tuple[float, float]:
 # What an exact plan does, besides the search itself.
 PARTS_OF_PLAN = {
     "costs of edges": (
-        "choreography.graph.forward:SearchStep._edges_to",
-        *(f"choreography.graph.forward:_CompiledEdges.{name}" for name in ("of_pairs", "bound", "cheapest")),
+        "choreography.graph.planners:SearchStep._edges_to",
+        *(f"choreography.graph.planners:_CompiledEdges.{name}" for name in ("of_pairs", "bound", "cheapest")),
     ),
     "costs of nodes": ("choreography.graph.planners:allowed_nodes",),
     "what was danced so far": ("choreography.graph.planners:with_history",),
     "greedy path beside it": ("choreography.graph.planners:_GreedyPath.extend",),
-    "cheap nodes, and their edges": ("choreography.graph.cheap_nodes:CheapSoFar.add",),
-    "local search": ("choreography.graph.planners:_improved",),
-    "costs of the path": ("choreography.graph.planners:_path_along", "choreography.graph.planners:_terms_of"),
+    "cheap nodes, and their edges": ("choreography.graph.local_search:CheapSoFar.add",),
+    "local search": ("choreography.graph.local_search:CheapSoFar.improved",),
+    "costs of the path": ("choreography.graph.planners:_path_along",),
 }
 
 
@@ -123,7 +123,7 @@ def planned(song: Path, seconds: float, repertoire: cg.Repertoire) -> tuple[Call
     return lambda: plan_path(*calls[0]).costs, layers
 
 
-class _KnownEdges(forward._Edges):
+class _KnownEdges(planners._Edges):
     """Edges that are read from an array (P, N). Which nodes continue others is known, too."""
 
     def __init__(self, edges, successors) -> None:
@@ -159,7 +159,7 @@ def searches(layers: list) -> tuple[Callable[[], float], Callable[[], float]]:
 
     def own() -> float:
         with ThreadPoolExecutor(1) as pool:
-            step = forward.SearchStep((), None, pool)
+            step = planners.SearchStep((), None, pool)
             step._edges_to = lambda layer, following: known[layer.second]
             reached, parents = np.zeros(layers[0].n_nodes), []
             for layer, following in pairwise(layers):

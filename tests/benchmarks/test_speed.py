@@ -18,8 +18,7 @@ from synthetic_layers import plain_costs
 from synthetic_repertoire import synthetic_contents, synthetic_takes, write_clicks
 
 from choreograph.choreography.graph.planners import plan_exact
-from choreograph.choreography.graph.segments import ClipTable, LayerSource
-from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
+from choreograph.choreography.graph.segments import ClipBeats, ClipTable, LayerSource, warp_segments
 from choreograph.choreography.graph.warping import subsequence_dtw
 from choreograph.core.counts import Counts
 from choreograph.library.repertoire import Repertoire, starter_repertoire

@@ -15,7 +15,7 @@ import soundfile
 
 import choreograph as cg
 from choreograph.choreography import song_analysis
-from choreograph.choreography.graph import layer_source
+from choreograph.choreography.graph import engine
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.music import song as song_module
 from choreograph.music.song import cached_song, load_song
@@ -236,7 +236,7 @@ def looked_up(n_spans=600):
     """Motifs of spans of takes of the built-in repertoire, which is opened again."""
     repertoire = cg.Repertoire.open(STARTER.path)
     take, start_s = np.divmod(np.arange(n_spans), 200)
-    with layer_source.cached_spans(repertoire) as spans:
+    with engine.cached_spans(repertoire) as spans:
         return spans.motifs_of(take, start_s / 10, start_s / 10 + 0.5), repertoire
 
 
@@ -260,7 +260,7 @@ def test_few_new_spans_are_not_written_and_many_are_added(motifs_cache, embedded
 
 
 def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
-    monkeypatch.setattr(layer_source, "_MOST_SPANS", 599)
+    monkeypatch.setattr(engine, "_MOST_SPANS", 599)
     looked_up()
     assert not list(motifs_cache.iterdir())
 
@@ -268,8 +268,8 @@ def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
 def test_spans_of_a_file_that_was_changed_are_looked_up_again(motifs_cache, embedded):
     looked_up()
     embedded.clear()
-    state = layer_source._state(STARTER.path)
-    with mock.patch.object(layer_source, "_state", return_value=(state[0] + 1, state[1])):
+    state = engine._state(STARTER.path)
+    with mock.patch.object(engine, "_state", return_value=(state[0] + 1, state[1])):
         looked_up()
     assert sum(embedded) >= 600
 

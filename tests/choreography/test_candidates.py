@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import choreograph as cg
-from choreograph.choreography.graph import engine, layer_source
+from choreograph.choreography.graph import engine
 from choreograph.choreography.graph.candidates import (
     _FEWEST_OF_METRE,
     FIRST,
@@ -37,7 +37,7 @@ def sources(monkeypatch):
     made = []
 
     def kept(*arguments, **options):
-        made.append(layer_source.make_layers(*arguments, **options))
+        made.append(engine.make_layers(*arguments, **options))
         return made[-1]
 
     monkeypatch.setattr(engine, "make_layers", kept)

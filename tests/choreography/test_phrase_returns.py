@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 from synthetic_layers import random_source
 
-from choreograph.choreography.graph.cheap_nodes import including
 from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes
-from choreograph.choreography.graph.layers import MIDDLE, positions
-from choreograph.choreography.graph.local_search import CheapNodes
+from choreograph.choreography.graph.layers import MIDDLE, PhraseReturns, positions
+from choreograph.choreography.graph.local_search import CheapNodes, including
 from choreograph.choreography.graph.path_costs import FormCost, Variety
-from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.graph.planners import plan_exact, plan_greedy
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.errors import ParameterError

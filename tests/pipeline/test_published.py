@@ -17,7 +17,7 @@ from synthetic_repertoire import (
 )
 
 import choreograph as cg
-from choreograph.choreography.graph import layer_source, warped_segments
+from choreograph.choreography.graph import engine, segments
 from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.evaluation.variants import dance_variant
@@ -110,9 +110,9 @@ def test_a_dance_aligns_the_density_of_each_clip_alone(built, song, monkeypatch)
 
     def warp_segments(clip, music_density, beats_s, clip_density, *rest, **options):
         aligned.append(clip_density(np.arange(repertoire.n_clips)))
-        return warped_segments.warp_segments(clip, music_density, beats_s, clip_density, *rest, **options)
+        return segments.warp_segments(clip, music_density, beats_s, clip_density, *rest, **options)
 
-    monkeypatch.setattr(layer_source, "warp_segments", warp_segments)
+    monkeypatch.setattr(engine, "warp_segments", warp_segments)
     cg.dance(song, repertoire, duration_s=4, config=published.published_dance())
     net = repertoire.net("motion_density")
     estimator = MotionDensity.from_arrays(net.weights, net.config)

@@ -115,12 +115,12 @@ def test_a_chain_of_twenty_changes_is_made_as_fresh(chain, first):
 
 
 def test_the_layers_of_another_weight_are_not_made_again(monkeypatch):
-    from choreograph.choreography.graph import segments, warped_segments
+    from choreograph.choreography.graph import segments
 
     session = cg.Session(cg.example_songs()["house"], STARTER, duration_s=DURATION_S)
     session.dance()
     made = []
-    monkeypatch.setattr(warped_segments, "_warped_second", lambda *_, **__: made.append("second"))
+    monkeypatch.setattr(segments, "_warped_second", lambda *_, **__: made.append("second"))
     monkeypatch.setattr(segments, "one_per_time_map", lambda *_: made.append("layer"))
     heavier = session.dance(weights={"genre": 2.0})
     assert heavier.plan.weights["genre"] == 2.0

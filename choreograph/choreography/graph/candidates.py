@@ -13,9 +13,8 @@ from choreograph.choreography.engine import DanceRequest
 from choreograph.choreography.genres import song_metre_at
 from choreograph.choreography.graph.cost import Cost, WeightedCost
 from choreograph.choreography.graph.costs import Energy, StepsCost
-from choreograph.choreography.graph.layers import Layer
+from choreograph.choreography.graph.layers import Layer, PhraseReturns
 from choreograph.choreography.graph.motif_costs import Signature, words_between
-from choreograph.choreography.graph.phrase_returns import PhraseReturns
 from choreograph.choreography.material import SectionGoal
 from choreograph.choreography.selection import (
     ClipPriorities,

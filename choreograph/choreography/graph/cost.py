@@ -10,8 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.choreography.graph.layers import Layer, PoseBank
-from choreograph.choreography.graph.phrase_returns import PhraseReturns
+from choreograph.choreography.graph.layers import Layer, PhraseReturns, PoseBank
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.arguments import as_array, unexpected
 from choreograph.core.errors import NoPathError, ParameterError

@@ -25,7 +25,7 @@ from choreograph.choreography.graph.costs import (
     distance_from_product,
     repeats,
 )
-from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, positions
+from choreograph.choreography.graph.layers import USAGE_DECAY_S, Layer, moments_of, positions
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature, repeats_of, words_cost
 from choreograph.choreography.graph.path_costs import (
     PER_USAGE,
@@ -36,7 +36,6 @@ from choreograph.choreography.graph.path_costs import (
     heading_series,
     turned_cost,
 )
-from choreograph.choreography.graph.phrase_returns import moments_of
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.motion.body import BODY_JOINTS

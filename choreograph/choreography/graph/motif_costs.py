@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import Cost, CostContext, Goals
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.graph.segments import ClipTable
-from choreograph.choreography.graph.warped_segments import Segments
+from choreograph.choreography.graph.segments import ClipTable, Segments
 from choreograph.choreography.motif_sequences import MotifGoal
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts

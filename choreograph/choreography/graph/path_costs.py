@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.choreography.graph.cost import Cost, CostContext
-from choreograph.choreography.graph.layers import Layer, positions
-from choreograph.choreography.graph.phrase_returns import SAME_FRAMES, PhraseReturns, moments_of
+from choreograph.choreography.graph.layers import SAME_FRAMES, Layer, PhraseReturns, moments_of, positions
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, seconds_to_frames

@@ -1,42 +1,336 @@
-"""Planners, which choose the node to dance in each second."""
+"""Planners, which choose the node to dance in each second, and the steps of their searches.
+
+`plan_exact` is dynamic programming over the layers, `plan_greedy` takes the cheapest next node, and
+`plan_motion_graph` walks by transitions alone. `SearchStep` finds the cheapest way into every node of a
+second from the nodes of the second before, by branch and bound. If all costs of edges are compiled, it is
+compiled as well.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from choreograph.choreography.graph.cheap_nodes import CheapSoFar
-from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edge_costs, weighted_terms
-from choreograph.choreography.graph.costs import Transition, is_of_walk
-from choreograph.choreography.graph.forward import N_THREADS, SearchStep
+from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes, edge_costs, weighted_terms
+from choreograph.choreography.graph.costs import (
+    BUILTIN_COSTS,
+    F32,
+    Completeness,
+    Transition,
+    flat_poses,
+    is_of_walk,
+    rms_speed_m_s,
+)
+from choreograph.choreography.graph.kernels import (
+    COMPILED,
+    angles_of,
+    arrays_of,
+    bounds_of,
+    cheapest_edges,
+    cheapest_predecessors,
+    fixed_edges,
+)
 from choreograph.choreography.graph.layers import Layer
-from choreograph.choreography.graph.local_search import with_history
+from choreograph.choreography.graph.local_search import CheapSoFar, with_history
+from choreograph.choreography.graph.motif_costs import MotifTransition, Signature, first_motif, last_motif
+from choreograph.choreography.graph.path_costs import FormCost
 from choreograph.choreography.graph.segments import LayerSource
 from choreograph.core.errors import NoPathError
-from choreograph.core.numerics import AnyInts
+from choreograph.core.numerics import AnyInts, Floats, frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
+N_THREADS = min(4, os.cpu_count() or 1)
+_BLOCK = 128  # predecessors whose edges are evaluated at once
+_MIN_EDGES_FOR_THREADS = 100_000  # a millisecond's work
+_PRUNE_BELOW = 0.8  # copying a part of a layer takes about a fifth of the time of its edges
+_PAIR_BLOCK = 64  # successor pairs are evaluated as the diagonal of a block of edges of this size
+_ROUNDING = 1e-4
+
+
+class SearchStep:
+    """The step of a search by these costs: from the nodes of one second to those of the next."""
+
+    def __init__(
+        self, costs: Sequence[WeightedCost], song_features: SongFeatures, pool: ThreadPoolExecutor
+    ) -> None:
+        self._costs, self._song_features, self._pool = costs, song_features, pool
+        self._with_edges = [w for w in costs if w.weight != 0 and type(w.cost).edge is not Cost.edge]
+        kinds = [type(w.cost) for w in self._with_edges]
+        # User-defined costs may keep state between calls, so only the built-in ones are evaluated in threads.
+        self._thread_safe = set(kinds) <= set(BUILTIN_COSTS)
+        self._compiled = kinds == [kind for kind in COMPILED if kind in kinds]
+        self._of = {type(w.cost): w for w in self._with_edges}
+        self._edges: _Edges | None = None  # the latest
+
+    def __call__(self, layer: Layer, following: Layer, reached: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Cost of the cheapest path into every node of `following`, and its last node in `layer`.
+
+        The method is branch and bound. First the edges inside segments are evaluated, one into each node, and
+        then all predecessors, cheapest first, in growing blocks. A predecessor whose cost plus the lower
+        bound of a jump exceeds the best path found into a node cannot improve it. Such rows and columns of
+        the edges are not evaluated. The result is that of all edges.
+        """
+        edges = self._edges = self._edges_to(layer, following)
+        best, parent = np.full(following.n_nodes, np.inf), np.zeros(following.n_nodes, np.int64)
+        here, there = edges.successors
+        best[there] = reached[here] + edges.of_pairs(here, there)
+        parent[there] = here
+        order = np.argsort(reached, kind="stable")
+        order = order[np.isfinite(reached[order])]
+        bound = edges.bound(self._with_edges)
+        start = 0
+        while start < len(order):
+            block = order[start : start + max(_BLOCK, start)]
+            start += len(block)
+            # The float32 sums of edges may be below their bound by a rounding error.
+            improvable = np.flatnonzero(best > reached[block[0]] + bound - _ROUNDING)
+            if len(improvable) == 0:
+                break
+            if len(improvable) > _PRUNE_BELOW * following.n_nodes:
+                improvable = np.arange(following.n_nodes)
+            beyond = (reached[block] - reached[block[0]]).astype(np.float32)
+
+            def improve(
+                part: NDArray[np.int64], block: NDArray[np.int64] = block, beyond: F32 = beyond
+            ) -> None:
+                rows, edge = edges.cheapest(block, part, beyond, best[part] - reached[block[0]])
+                cost = reached[block[rows]] + edge
+                better = cost < best[part]
+                best[part[better]] = cost[better]
+                parent[part[better]] = block[rows[better]]
+
+            if self._thread_safe and len(block) * len(improvable) > _MIN_EDGES_FOR_THREADS:
+                list(self._pool.map(improve, np.array_split(improvable, N_THREADS)))
+            else:
+                improve(improvable)
+        return best, parent
+
+    def from_one(self, last: Layer, node: int) -> F32:
+        """The costs (N,) of the edges of the latest step from one node, whose history is that of `last`."""
+        assert self._edges is not None
+        return self._edges.from_one(last, node)
+
+    def fixed(self, here: AnyInts, there: AnyInts) -> Future[F32] | None:
+        """The costs (P, N) of the edges of the latest step that do not depend on the path, being evaluated.
+
+        Those from nodes `here` (P,) to nodes `there` (N,), or None if they are not compiled.
+        """
+        if not isinstance(self._edges, _CompiledEdges):
+            return None
+        return self._pool.submit(self._edges.fixed, here, there)
+
+    def _edges_to(self, layer: Layer, following: Layer) -> _Edges:
+        if not self._compiled:
+            return _Edges(layer, following, self._costs, self._song_features)
+        last = self._edges.after if isinstance(self._edges, _CompiledEdges) else None
+        is_known = last is not None and last.is_of(layer)
+        before = last if is_known and last is not None else _Nodes(layer, self._of, self._song_features)
+        after = _Nodes(following, self._of, self._song_features)
+        return _CompiledEdges(layer, following, self._costs, self._song_features, before, after)
+
+
+class _Edges:
+    """The edges from P nodes to the N nodes of the next second, by any costs."""
+
+    def __init__(
+        self, layer: Layer, following: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
+    ) -> None:
+        self._layer, self._following, self._costs, self._song_features = (
+            layer,
+            following,
+            costs,
+            song_features,
+        )
+        self.successors = layer.successors_in(following)
+
+    def of_pairs(self, here: AnyInts, there: AnyInts) -> F32:
+        """The costs (M,) of the edges from nodes `here` (M,) to nodes `there` (M,)."""
+        before, after = self._layer.subset(here), self._following.subset(there)
+        found = np.empty(len(here), np.float32)
+        for block in frame_blocks(len(here), _PAIR_BLOCK):
+            edges = edge_costs(before.subset(block), after.subset(block), self._costs, self._song_features)
+            found[block] = np.diagonal(edges)
+        return found
+
+    def from_one(self, last: Layer, node: int) -> F32:
+        """The costs (N,) of the edges from one node, whose history is that of the layer `last` of it."""
+        edges: F32 = edge_costs(last, self._following, self._costs, self._song_features)[0]
+        return edges
+
+    def bound(self, costs: Sequence[WeightedCost]) -> Floats:
+        """Lower bounds (N,) of the edges between segments into each node."""
+        bound = np.zeros(self._following.n_nodes)
+        for w in costs:
+            least = w.cost.min_edge_costs(self._layer, self._following, self._song_features)
+            bound += w.weight * least if w.weight > 0 else -np.inf
+        return bound
+
+    def cheapest(
+        self, block: AnyInts, part: AnyInts, beyond: F32, most: Floats
+    ) -> tuple[NDArray[np.int32], F32]:
+        """The node of `block` (B,) from which each node of `part` (C,) is reached at the least cost.
+
+        The nodes of the block are reached at the costs `beyond` (B,). Returns the index (C,) in the block,
+        and the cost (C,) of the edge. It may be inf if the sum of both is not below `most` (C,).
+        """
+        every = len(part) == self._following.n_nodes
+        there = self._following if every else self._following.subset(part)
+        edges = edge_costs(self._layer.subset(block), there, self._costs, self._song_features)
+        rows, least = np.zeros(len(part), np.int32), np.full(len(part), np.inf, np.float32)
+        cheapest_predecessors(beyond, edges, least, rows)
+        return rows, edges[rows, np.arange(len(part))]
+
+
+# The same edges, compiled for the built-in costs.
+
+
+class _Nodes:
+    """What the compiled edges read of the nodes of one second."""
+
+    def __init__(self, layer: Layer, of: dict[type[Cost], WeightedCost], song_features: SongFeatures) -> None:
+        form, signature = _cost_of(FormCost, of), _cost_of(Signature, of)
+        transition = _cost_of(MotifTransition, of)
+        (
+            self.end_rad, self.next_part, self.take, self.start_rad, self.part, self.series,
+            self.places, self.motifs, self.number, self.is_return, self.form_weight,
+            self.step_cost, self.constants, *_,
+        ) = arrays_of(layer, form, signature, song_features)  # fmt: skip
+        self._first = layer.first_pose_m
+        self.transition_cost = np.zeros((1, 1), np.float32)
+        if transition is not None:
+            self.transition_cost = np.ascontiguousarray(transition.costs_at(layer))
+        self.weights = np.array([of[kind].weight if kind in of else 0.0 for kind in COMPILED], np.float32)
+        self.first, first_sq = flat_poses(layer.first_pose_m)
+        self.last, last_sq = flat_poses(layer.last_pose_m)
+        self.first_velocity, first_velocity_sq = flat_poses(layer.first_velocity_m_s)
+        self.last_velocity, last_velocity_sq = flat_poses(layer.last_velocity_m_s)
+        starts, ends = np.ascontiguousarray(layer.take_frames.T, np.float64)
+        self.at_start = (
+            first_sq, first_velocity_sq, rms_speed_m_s(layer.first_velocity_m_s), starts,
+            layer.enter_penalty.astype(np.float32), first_motif(layer).astype(np.int64),
+        )  # fmt: skip
+        self.at_end = (
+            last_sq, last_velocity_sq, rms_speed_m_s(layer.last_velocity_m_s), ends,
+            layer.leave_penalty.astype(np.float32), last_motif(layer).astype(np.int64),
+        )  # fmt: skip
+
+    def is_of(self, layer: Layer) -> bool:
+        return layer.first_pose_m is self._first
+
+
+_Kind = TypeVar("_Kind", bound=Cost)
+
+
+def _cost_of(kind: type[_Kind], of: dict[type[Cost], WeightedCost]) -> _Kind | None:
+    cost = of[kind].cost if kind in of else None
+    return cost if isinstance(cost, kind) else None
+
+
+class _CompiledEdges(_Edges):
+    """`_Edges` of the built-in costs, to the bit."""
+
+    def __init__(
+        self,
+        layer: Layer,
+        following: Layer,
+        costs: Sequence[WeightedCost],
+        song_features: SongFeatures,
+        before: _Nodes,
+        after: _Nodes,
+    ) -> None:
+        super().__init__(layer, following, costs, song_features)
+        self._before, self.after = before, after
+        counts = np.ascontiguousarray(layer.motif_counts)
+        seen = np.zeros_like(counts) if following.new_goal else counts
+        weights = after.weights
+        of_signature = weights[COMPILED.index(Signature)]
+        earlier, self._least = bounds_of(weights, of_signature, seen, after.motifs, after.step_cost)
+        angles = angles_of(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
+        danced = np.ascontiguousarray(layer.danced[:, after.number])
+        self._stay = np.ones(following.n_nodes, np.float32)
+        here, there = self.successors
+        self._stay[there] = Completeness().staying(layer, following, here, there)
+        usage_s = np.ascontiguousarray(layer.take_usage_s)
+        self._history = (*angles[:4], before.next_part, usage_s, danced, seen, *before.at_end, before.take)
+        self._ends = (
+            *angles[4:], after.part, after.take, after.series, after.places, after.motifs, earlier,
+            self._least, self._stay, *after.at_start,
+        )  # fmt: skip
+        self._of_costs = (
+            after.is_return, after.form_weight, after.step_cost, after.transition_cost, after.constants
+        )  # fmt: skip
+        self._arguments = weights, self._history, self._ends, self._of_costs
+
+    def of_pairs(self, here: AnyInts, there: AnyInts) -> F32:
+        poses = np.einsum("md,md->m", self._before.last[here], self.after.first[there])
+        velocities = np.einsum("md,md->m", self._before.last_velocity[here], self.after.first_velocity[there])
+        nothing, most = np.zeros(len(here), np.float32), np.full(len(here), np.inf, np.float32)
+        _, edges = cheapest_edges(
+            here, there, True, nothing, most, poses[:, None], velocities[:, None], *self._arguments
+        )
+        return edges
+
+    def from_one(self, last: Layer, node: int) -> F32:
+        before, after, one = self._before, self.after, slice(node, node + 1)
+        counts = np.ascontiguousarray(last.motif_counts)
+        history = (
+            *angles_of(np.ascontiguousarray(last.turn_rad), before.end_rad[one], after.start_rad[:0])[:4],
+            before.next_part[one], np.ascontiguousarray(last.take_usage_s),
+            np.ascontiguousarray(last.danced[:, after.number]),
+            np.zeros_like(counts) if self._following.new_goal else counts,
+            *(values[one] for values in before.at_end), before.take[one],
+        )  # fmt: skip
+        every, nothing = np.arange(self._following.n_nodes), np.zeros(1, np.float32)
+        poses = before.last[one] @ after.first.T
+        velocities = before.last_velocity[one] @ after.first_velocity.T
+        _, edges = cheapest_edges(
+            np.zeros(1, np.int64), every, False, nothing, np.full(len(every), np.inf, np.float32), poses,
+            velocities, after.weights, history, self._ends, self._of_costs,
+        )  # fmt: skip
+        return edges
+
+    def fixed(self, here: AnyInts, there: AnyInts) -> F32:
+        """The costs (P, N) of the edges from nodes `here` to nodes `there` that do not depend on the path."""
+        before, after = self._before, self.after
+        poses = before.last[here] @ after.first[there].T
+        velocities = before.last_velocity[here] @ after.first_velocity[there].T
+        edges: F32 = fixed_edges(here, there, poses, velocities, *self._arguments)
+        return edges
+
+    def bound(self, costs: Sequence[WeightedCost]) -> Floats:
+        bound: Floats = super().bound([w for w in costs if type(w.cost) is not Signature]) + self._least
+        return bound
+
+    def cheapest(
+        self, block: AnyInts, part: AnyInts, beyond: F32, most: Floats
+    ) -> tuple[NDArray[np.int32], F32]:
+        every = len(part) == self._following.n_nodes
+        there = slice(None) if every else part
+        poses = self._before.last[block] @ self.after.first[there].T
+        velocities = self._before.last_velocity[block] @ self.after.first_velocity[there].T
+        rows, edges = cheapest_edges(
+            block, part, False, beyond, (most + _ROUNDING).astype(np.float32), poses, velocities,
+            *self._arguments,
+        )  # fmt: skip
+        return rows, edges
+
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class PlannedPath:
     """The chosen node of every second, as layers of one node, and its costs."""
 
     nodes: tuple[Layer, ...]  # S layers of one node
-    terms: Callable[[], tuple[dict[str, float], ...]]  # evaluates `costs`
+    costs: tuple[dict[str, float], ...]  # S times, name -> weighted cost of the node and of the edge into it
     least_total: float | None = None  # a lower bound of the total of any path, if it was asked for
-
-    @cached_property
-    def costs(self) -> tuple[dict[str, float], ...]:
-        """S times, cost name -> weighted cost of the node and of the edge into it."""
-        return self.terms()
 
     @property
     def total(self) -> float:
@@ -54,7 +348,7 @@ def plan_exact(
     with_bound: bool = False,
     report: StepReport | None = None,
     likely: Callable[[list[Layer]], None] | None = None,
-) -> Path:
+) -> PlannedPath:
     """The cheapest path over the whole song, by dynamic programming over the layers (Viterbi).
 
     The paper plans greedily (section 3.3). With costs that depend on the path (`Cost.of_path`), the result is
@@ -69,7 +363,7 @@ def plan_exact(
     of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
     cheap = CheapSoFar(source, costs, song_features) if of_path else None
     keys, total = _search(source, costs, song_features, cheap, report)
-    nodes = [source.node(key) for key in keys] if cheap is None else _improved(cheap, keys, likely)
+    nodes = [source.node(key) for key in keys] if cheap is None else cheap.improved(keys, likely)
     path = _path_along(nodes, costs, song_features)
     if not with_bound:
         return path
@@ -119,20 +413,13 @@ def _search(
     return keys, float(reached.min())
 
 
-def _improved(
-    cheap: CheapSoFar, keys: Sequence[int], likely: Callable[[list[Layer]], None] | None
-) -> list[Layer]:
-    """`CheapSoFar.improved`, a stage of its own in `tests/benchmarks`."""
-    return cheap.improved(keys, likely)
-
-
 def plan_greedy(
     source: LayerSource,
     costs: Sequence[WeightedCost],
     song_features: SongFeatures,
     *,
     report: StepReport | None = None,
-) -> Path:
+) -> PlannedPath:
     """The cheapest next node, second by second (ChoreoGraph, section 3.3).
 
     Raises as `plan_exact`. It can also run into a dead end that `plan_exact` avoids.
@@ -200,20 +487,21 @@ def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], 
     return found[::-1]
 
 
-def _path_along(layers: Sequence[Layer], costs: Sequence[WeightedCost], song_features: SongFeatures) -> Path:
+def _path_along(
+    layers: Sequence[Layer], costs: Sequence[WeightedCost], song_features: SongFeatures
+) -> PlannedPath:
     """The path through layers of one node, with what was danced up to each."""
     nodes: list[Layer] = []
     for node in layers:
         nodes.append(with_history(node, nodes[-1] if nodes else node))
 
-    def terms() -> tuple[dict[str, float], ...]:
-        pairs = zip([None, *nodes[:-1]], layers, strict=True)
-        return tuple(_terms_of(last, node, costs, song_features) for last, node in pairs)
+    pairs = zip([None, *nodes[:-1]], layers, strict=True)
+    return PlannedPath(
+        tuple(nodes), tuple(_costs_at(last, node, costs, song_features) for last, node in pairs)
+    )
 
-    return Path(tuple(nodes), terms)
 
-
-def _terms_of(
+def _costs_at(
     last: Layer | None, node: Layer, costs: Sequence[WeightedCost], song_features: SongFeatures
 ) -> dict[str, float]:
     """Weighted cost of a node and of the edge from the last one, by cost name."""
@@ -235,7 +523,7 @@ def plan_motion_graph(
     song_features: SongFeatures,
     *,
     report: StepReport | None = None,
-) -> Path:
+) -> PlannedPath:
     """A walk on the first warped seconds of clips by transition alone (ChoreoGraph, section 4, a baseline).
 
     Only the first second of each warped segment is a node, so completeness and style have no effect. As in
@@ -268,7 +556,7 @@ def plan_motion_graph(
         terms.append({Transition.name: float(smoothness[best])})
         if report is not None:
             report(n_seconds + second + 1, 2 * n_seconds)
-    return Path(tuple(nodes), lambda: tuple(terms))
+    return PlannedPath(tuple(nodes), tuple(terms))
 
 
 def _edges(

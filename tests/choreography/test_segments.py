@@ -7,9 +7,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from choreograph.choreography.graph import warped_segments as module
+from choreograph.choreography.graph import segments as module
+from choreograph.choreography.graph.segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warp_kernels import segment_beats
-from choreograph.choreography.graph.warped_segments import ClipBeats, warp_segments
 from choreograph.choreography.graph.warping import (
     NO_TIME_MAP,
     CountedClips,
