@@ -29,11 +29,11 @@ from synthetic_repertoire import write_clicks
 from test_rooms import MAY_IMPORT
 
 import choreograph as cg
-from choreograph import settings
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.formats.register import save_motion
 from choreograph.library import repertoire as repertoire_module
 from choreograph.nets import configs
+from choreograph.pipeline.published import WEIGHTS, published_build, published_dance
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -215,12 +215,12 @@ def test_the_page_of_the_papers_names_the_published_value_of_every_setting():
     """The last column of its tables. Widths are those of the preset paper."""
     rows = re.findall(r"^\|.*\| ([^|]*) \|$", PAGES["how-it-works/papers.md"].read_text("utf-8"), flags=re.M)
     named = {pair for row in rows for pair in re.findall(r"(\w+)=([^`]+)`", row)}
-    engines = (settings.published_dance(engine) for engine in ("graph", "mixer", "rollout"))
+    engines = (published_dance(engine) for engine in ("graph", "mixer", "rollout"))
     dance = {(f.name, str(getattr(config, f.name))) for config in engines for f in fields(config)}
-    build = settings.published_build("paper")
+    build = published_build("paper")
     built = asdict(configs.rollout_config("paper", **build["rollout_changes"]))
     built |= build["style_changes"] | build["density_changes"] | build["rollout_changes"]
-    published = dance | {(name, str(value)) for name, value in (built | settings.WEIGHTS).items()}
+    published = dance | {(name, str(value)) for name, value in (built | WEIGHTS).items()}
     assert len(named) > 15
     plain = {(name, value.strip('"').capitalize().removesuffix(".0")) for name, value in named}
     assert plain <= {(name, value.capitalize().removesuffix(".0")) for name, value in published}
