@@ -25,10 +25,9 @@ genre.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from textwrap import wrap
 
 import numpy as np
 import soxr
@@ -39,7 +38,7 @@ from sklearn.linear_model import LogisticRegression
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
-from choreograph.music import _bar_weights, bars
+from choreograph.music import bars
 from choreograph.music.bars import ACCENT_NAMES, METRES, REPEAT_NAMES, beat_evidence
 from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import STYLES, render_song
@@ -262,40 +261,23 @@ def fit_eighths(all_songs: list[BarSong]) -> Floats:
 
 
 def source(weights: Floats, metre: Floats, eighths: Floats, confidence: tuple[float, float]) -> str:
-    """The module of weights."""
+    """The weights as `bars.fitted_weights` reads them."""
     accents = (weights - weights.mean(axis=0)).T
-    repeats = metre - metre.mean(axis=1, keepdims=True)
-    return "\n".join(
-        [
-            '"""Weights of `music.bars`, written by `research/fit_bars.py`."""',
-            "",
-            "import numpy as np",
-            "",
-            "# fmt: off",
-            "# Log evidence of an accent for each state: 1 to 3 of three, 1 to 4 of four, up to seven.",
-            *array("ACCENT_WEIGHTS", accents, ACCENT_NAMES, 3),
-            "# Log evidence of a repeat for bars of three to seven beats. The last row counts at every beat.",
-            *array("METRE_WEIGHTS", repeats, (*REPEAT_NAMES, "always"), 4),
-            "# Log odds that beats rather than every second one are counted, of the mean repeats.",
-            *array("EIGHTHS_WEIGHTS", eighths[:, None], (*REPEAT_NAMES, "always"), 3, flat=True),
-            "# Log odds that bars are right: offset, and slope in margin (nats) over root of beats.",
-            f"CONFIDENCE = ({confidence[0]:.2f}, {confidence[1]:.2f})",
-            "",
-        ]
+    repeats, names = metre - metre.mean(axis=1, keepdims=True), (*REPEAT_NAMES, "always")
+    tables = {
+        "accents": dict(zip(ACCENT_NAMES, accents.round(3).tolist(), strict=True)),
+        "repeats": dict(zip(names, repeats.round(4).tolist(), strict=True)),
+        "eighths": dict(zip(names, eighths.round(3).tolist(), strict=True)),
+    }
+    lines = (
+        f"  {json.dumps(table)}: {{\n"
+        + ",\n".join(f"    {json.dumps(name)}: {json.dumps(row)}" for name, row in rows.items())
+        + "\n  }"
+        for table, rows in tables.items()
     )
-
-
-def array(name: str, rows: Floats, names: Sequence[str], decimals: int, *, flat: bool = False) -> list[str]:
-    """Lines of an array of rows, or of a `flat` one of their numbers, with the name of each row."""
-    lines = [f"{name} = np.array(", "    ["]
-    for label, row in zip(names, rows, strict=True):
-        numbers = ", ".join(f"{value:.{decimals}f}" for value in row)
-        if flat:
-            lines.append(f"        {numbers},  # {label}")
-            continue
-        broken = wrap(f"[{numbers}],", 100, initial_indent=8 * " ", subsequent_indent=9 * " ")
-        lines += [f"        # {label}", *broken]
-    return [*lines, "    ]", f")  # {(rows.size,) if flat else rows.shape}", ""]
+    return (
+        "{\n" + ",\n".join([*lines, f'  "confidence": {[round(value, 2) for value in confidence]}']) + "\n}\n"
+    )
 
 
 def main() -> None:
@@ -313,7 +295,7 @@ def main() -> None:
     confidence = calibrated(all_songs[::6], (weights.numpy().T, metre.numpy()))
     text = source(weights.numpy(), metre.numpy(), fit_eighths(all_songs), confidence)
     if options.write:
-        Path(_bar_weights.__file__).write_text(text, encoding="utf-8")
+        bars.WEIGHTS_PATH.write_text(text, encoding="utf-8")
     else:
         print(text)
 

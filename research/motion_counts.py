@@ -39,10 +39,9 @@ from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.store import RepertoireFile
 from choreograph.library.writing import Contents, write_repertoire
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
-from choreograph.music._kernels import best_beat_sequence
 from choreograph.music.bar_pointer import PhaseCurves, decode_counts
 from choreograph.music.bars import track_bars
-from choreograph.music.beats import get_beat_tracker
+from choreograph.music.beats import best_beat_sequence, get_beat_tracker
 from choreograph.music.mel import autocorrelations, log_mel
 from choreograph.music.song import load_song
 from choreograph.nets.motion_counts import (

@@ -17,10 +17,10 @@ from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Motion, Take
 from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
+from choreograph.music.bars import level_at_tempo, tempo_bpm
 from choreograph.music.beats import DEFAULT_TRACKER
 from choreograph.music.count_grids import SongGrid, steady_times_s
 from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import level_at_tempo, tempo_bpm
 from choreograph.music.song import Song
 from choreograph.plan.joins import MotionReader, time_transitions
 from choreograph.plan.runs import Run, with_transitions

@@ -16,7 +16,7 @@ import numpy as np
 from choreograph.core.counts import Counts
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
-from choreograph.music.metrical_level import tempo_bpm
+from choreograph.music.bars import tempo_bpm
 from choreograph.nets.motion_counts import motion_counts_config
 from choreograph.pipeline.counting import count_file
 from content.networks import built_in_takes, recorded_takes, trained, trials_by_song

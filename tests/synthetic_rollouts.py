@@ -12,7 +12,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS
+from choreograph.music.rhythm import FRAME_RHYTHM_FPS
 from choreograph.nets.configs import word_config
 from choreograph.nets.rollout_poses import ROLLOUT_FPS
 from choreograph.nets.rollout_training import RolloutTake

@@ -24,7 +24,7 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import WORDS_AT_ONCE, poses_at, word_bounds_s, words_between
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, clips_to_root_frame, to_root_frame
 from choreograph.motion.motion import Motion
-from choreograph.music.danced_span import coming_to_rest_s
+from choreograph.music.count_grids import coming_to_rest_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan.plan import Plan, PlannedWord
 

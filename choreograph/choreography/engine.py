@@ -26,7 +26,7 @@ from choreograph.core.plugins import installed
 from choreograph.core.progress import ProgressReport
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
-from choreograph.music.danced_span import coming_to_rest_s
+from choreograph.music.count_grids import coming_to_rest_s
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan.plan import SHORTEST_STOP_S, Plan

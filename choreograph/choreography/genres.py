@@ -16,8 +16,8 @@ from choreograph.core.numerics import Floats
 from choreograph.library.clips import TakeTempi
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES
+from choreograph.music.bars import DANCED_IN
 from choreograph.music.form import Sections
-from choreograph.music.metrical_level import DANCED_IN
 from choreograph.music.song_features import SongFeatures
 
 _NEAREST = "no genre given: the dance follows {}, by style, tempo and metre"

@@ -17,8 +17,8 @@ from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_S, MAX_SLOPE, MIN_SLOPE
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES, Vocabulary
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.count_grids import FEWEST_COUNTS
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan.plan import Plan
 from choreograph.settings import DanceConfig

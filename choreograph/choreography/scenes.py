@@ -23,8 +23,7 @@ from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_text
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import parse_seconds
-from choreograph.music.places import PLACE, Places
-from choreograph.music.song_features import SongFeatures
+from choreograph.music.song_features import PLACE, Places, SongFeatures
 from choreograph.plan.scenes import DancerPart
 
 # Formations: places on the ground, x and z in metres. The audience is in the direction +Z, and the axis of

@@ -25,10 +25,7 @@ from choreograph.core.numerics import Floats, one_thread
 from choreograph.core.progress import StepReport, part
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import DEFAULT_BEATS, check_beats, names_a_tracker, song_counts
-from choreograph.music.danced_span import dance_span_s
-from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
-from choreograph.music.mel import log_mel, onset_density, onset_envelopes
-from choreograph.music.metrical_level import (
+from choreograph.music.bars import (
     at_changes,
     between,
     change_times_s,
@@ -37,6 +34,9 @@ from choreograph.music.metrical_level import (
     metrical_levels,
     tempo_bpm,
 )
+from choreograph.music.count_grids import dance_span_s
+from choreograph.music.form import Form, Sections, phrase_bounds_s, song_form, song_sections
+from choreograph.music.mel import log_mel, onset_density, onset_envelopes
 from choreograph.music.rhythm import off_beat_share, rhythm_features
 from choreograph.music.song import Song
 from choreograph.music.song_features import SongFeatures, energy_per_second, music_density, stops_s
@@ -178,7 +178,7 @@ def _danceable(
     genre: str | None,
     losses: tuple[list[str], Floats] | None,
 ) -> tuple[Counts, list[tuple[Counts, Counts]]]:
-    """The song's counts, each part at the metrical level that suits the takes (`music.metrical_level`).
+    """The song's counts, each part at the metrical level that suits the takes (`music.bars`).
 
     A new part begins where the tracked tempo or metre changes. Also returns the parts that are counted at
     another level than the tracked one, as tracked and as counted. `losses` are those of `style_losses`, or

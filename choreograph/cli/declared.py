@@ -34,7 +34,7 @@ from choreograph.formats import formats_using, motion_formats, output_formats
 
 if TYPE_CHECKING:
     from choreograph.library.repertoire import Repertoire
-    from choreograph.music.places import Places
+    from choreograph.music.song_features import Places
     from choreograph.plan.plan import Plan
 
     _Floats = click.ParamType[float]
@@ -468,7 +468,7 @@ class SongTime(Seconds):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The time in seconds, or the text that names a place, which needs the song."""
-        from choreograph.music.places import names_place
+        from choreograph.music.song_features import names_place
 
         if isinstance(value, str) and names_place(value):
             return value
@@ -506,7 +506,7 @@ class SongTimes:
         return tuple(self._text(text, start_s, duration_s) for text in given)
 
     def _text(self, text: str, start_s: float | None, duration_s: float | None) -> str:
-        from choreograph.music.places import names_place
+        from choreograph.music.song_features import names_place
 
         if not names_place(text):
             return text
@@ -518,8 +518,8 @@ class SongTimes:
     def _places(self, start_s: float | None, duration_s: float | None) -> Places:
         from choreograph.choreography.song_analysis import analyse_song
         from choreograph.library.songs import DEFAULT_BEATS
-        from choreograph.music.places import Places
         from choreograph.music.song import load_song
+        from choreograph.music.song_features import Places
 
         if self._plan is not None and start_s is None:
             start_s = self._plan.start_s

@@ -429,8 +429,9 @@ def _path(folder: Path, key: bytes) -> Path:
 def program() -> list[str]:
     """The program's sources, and the versions of all packages that it may use, as a part of keys."""
     sources = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        sources.update(path.read_bytes())
+    for path in sorted(Path(__file__).parents[1].rglob("*")):
+        if path.suffix in (".py", ".json"):  # code, and numbers that it reads
+            sources.update(path.read_bytes())
     found = [sources.hexdigest()]
     for name in sorted({re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in requires(PACKAGE) or ()}):
         with suppress(PackageNotFoundError):

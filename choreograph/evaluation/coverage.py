@@ -27,8 +27,8 @@ from choreograph.core.timebase import NET_FPS, SEGMENT_FRAMES
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.count_grids import FEWEST_COUNTS
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song import Song, as_song
 
 # Motion looks as it was recorded between these speeds. Faster or slower, its weight is wrong.

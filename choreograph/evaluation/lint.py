@@ -24,8 +24,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import signature
 from choreograph.motion.body import to_root_frame
 from choreograph.motion.motion_beats import mean_joint_speed_m_s
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.count_grids import FEWEST_COUNTS
-from choreograph.music.metrical_level import tempo_bpm
 
 DUPLICATE, FEET, GENRE, COUNTS, NOT_DANCED = "duplicate", "feet", "genre", "counts", "not danced"
 KINDS = (DUPLICATE, FEET, GENRE, COUNTS, NOT_DANCED)  # of findings, in the order in which they are returned

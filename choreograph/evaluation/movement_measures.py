@@ -27,8 +27,8 @@ from choreograph.motion.body import (
     to_root_frame,
 )
 from choreograph.motion.contacts import foot_contacts
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.count_grids import FEWEST_COUNTS
-from choreograph.music.metrical_level import tempo_bpm
 
 WINDOW_S = 20.0
 HOP_S = 10.0

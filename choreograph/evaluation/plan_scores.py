@@ -19,8 +19,8 @@ from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES, segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.form import Sections
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.plan.plan import Plan
 from choreograph.plan.runs import plan_runs
 

@@ -20,10 +20,10 @@ from choreograph.formats.register import import_takes
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.songs import names_a_tracker, song_counts
 from choreograph.motion.motion import Take
+from choreograph.music.bars import choose_level, metrical_levels, tempo_bpm
 from choreograph.music.beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.music.form import Sections, song_sections
 from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import choose_level, metrical_levels, tempo_bpm
 from choreograph.music.song import Song, load_song
 from choreograph.music.spectral import spectral_features
 

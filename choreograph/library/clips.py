@@ -33,7 +33,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, ground_pos_m
 from choreograph.motion.motion import Credits
 from choreograph.motion.motion_beats import GenreSizes, liveliness_ranks, travel_and_width
-from choreograph.music.metrical_level import tempo_bpm
+from choreograph.music.bars import tempo_bpm
 
 if TYPE_CHECKING:
     from choreograph.library.builtin import MotionCounter

@@ -19,18 +19,17 @@ from choreograph.core.progress import StepReport
 from choreograph.core.timebase import frame_times_s, times_to_frames
 from choreograph.library.notes import Note
 from choreograph.motion.motion import Take
-from choreograph.music.bars import track_bars
+from choreograph.music.bars import level_at_tempo, tempo_bpm, track_bars, with_eighths
 from choreograph.music.beats import TRACKERS, BeatTracker, get_beat_tracker, read_beats
 from choreograph.music.count_grids import steady_times_s
-from choreograph.music.frame_rhythm import (
+from choreograph.music.mel import log_mel
+from choreograph.music.rhythm import (
     FRAME_RHYTHM_FPS,
     FRAME_RHYTHM_NAMES,
     frame_rhythm,
     rhythm_from,
     word_spectra,
 )
-from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import level_at_tempo, tempo_bpm, with_eighths
 from choreograph.music.song import Song, load_song
 from choreograph.nets.music_counts import NetworkBeats
 
@@ -205,7 +204,7 @@ def better_offset_s(take: Take, song: AnalysedSong) -> float | None:
 class TakeMusic:
     """Features of the music of a take for the rollout network, from its first frame, at 30 fps."""
 
-    rhythm: NDArray[np.float32]  # (T, 4) of `music.frame_rhythm`
+    rhythm: NDArray[np.float32]  # (T, 4) of `music.rhythm`
     count_phase: NDArray[np.float32]  # (T, 4) of `core.counts`
     spectral: NDArray[np.float32]  # (N, 87) of each word
 

@@ -25,7 +25,7 @@ from choreograph.live.vmc import VmcBody
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import lock_feet
 from choreograph.motion.motion import Motion
-from choreograph.music.places import Places
+from choreograph.music.song_features import Places
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.session import Session
 from choreograph.render.dynamics import with_amplitudes

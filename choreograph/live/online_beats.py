@@ -21,9 +21,8 @@ from choreograph.core.counts import FROM_MUSIC, NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ
 from choreograph.live.stream import stay_behind
-from choreograph.music.bars import track_bars
+from choreograph.music.bars import track_bars, with_eighths
 from choreograph.music.mel import MEL_BANDS, MEL_WINDOW, log_mel_of_windows
-from choreograph.music.metrical_level import with_eighths
 from choreograph.nets.music_counts import MusicCounts, network_beats, shipped_music_counts
 
 # The beats of music that is still playing, continued into the seconds that come.

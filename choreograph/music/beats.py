@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from choreograph.core.counts import ANNOTATED, MAX_METRE, Counts
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import MAX_TABLE_BYTES, read_text
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.kernel_cache import njit
+from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, frames_to_seconds
-from choreograph.music._kernels import best_beat_sequence
-from choreograph.music.mel import MEL_BANDS, autocorrelations, mel_band_hz, onset_envelopes
+from choreograph.music.mel import autocorrelations, checked_log_mel, mel_band_hz, onset_envelopes
 from choreograph.music.song import Song
 
 # Beat tracking of music whose tempo may change. Tempo and beats are tracked together.
@@ -52,10 +52,7 @@ def tempo_path_beats(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     `log_mel` (T, 96) is the result of `music.mel.log_mel`. Settings were tuned on synthetic drum loops and on
     real songs of known dance tempo, none of them from a benchmark. Raises `ParameterError` for another shape.
     """
-    log_mel = np.asarray(log_mel, np.float32)
-    if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
-        raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")
-    return np.maximum(0.0, path_of(onset_strength(log_mel)) - _LAG_S)
+    return np.maximum(0.0, path_of(onset_strength(checked_log_mel(log_mel))) - _LAG_S)
 
 
 def path_of(strength: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -108,6 +105,70 @@ def _tempo_gain(strength: NDArray[np.float64]) -> NDArray[np.float64]:
     autocorrelation = autocorrelations(strength[:, None], centres, _CONTEXT_S)[:, 0, periods]  # (G, P)
     octaves = np.log2(60.0 * MUSIC_FPS / periods / _PRIOR_BPM)
     return _TEMPO_WEIGHT * autocorrelation - 0.5 * (octaves / _PRIOR_OCTAVES) ** 2
+
+
+_NONE = 0  # the first beat, which has no interval before it
+
+
+@njit(nogil=True)
+def best_beat_sequence(
+    strength: Floats,
+    tempo_gain: Floats,
+    gain_hop: int,
+    first_period: int,
+    change_penalty: float,
+    new_tempo_penalty: float,
+) -> Indices:
+    """Frames of the beat sequence with the highest score over the whole song.
+
+    A state is a beat at frame t whose interval to the previous beat is p frames. Its score is p times
+    (strength[t] + tempo_gain there). So the total is a time average, and a fast tempo has no advantage from
+    more beats. A change of p costs `change_penalty` · p · (relative change)², the first half frame free
+    because the frame grid forces it. For `new_tempo_penalty`, p may change to any value, as at the start of
+    another piece of music.
+
+    Shapes are strength (T,) and tempo_gain (G, P). Column i of the latter is the period first_period + i, and
+    row j the frames from j · gain_hop on. Returns int64 (Q,), at least one frame.
+    """
+    n_frames, n_periods = len(strength), tempo_gain.shape[1]
+    last_period = first_period + n_periods - 1
+    ring = np.full((last_period + 1, n_periods), -np.inf)  # scores of the latest frames
+    best_columns = np.zeros(n_frames, np.int64)  # of the period with the highest score at each frame
+    previous_period = np.zeros((n_frames, n_periods), np.uint8)  # the preceding period, or _NONE
+    best_end, best_score, best_period = 0, -np.inf, first_period
+    for t in range(n_frames):
+        row = ring[t % (last_period + 1)]
+        gains = tempo_gain[min(t // gain_hop, len(tempo_gain) - 1)]
+        for i in range(n_periods):
+            period = first_period + i
+            gain = strength[t] + gains[i]
+            if t < period:  # of the interval of a first beat, only the part inside the song counts
+                row[i] = (t + 1) * gain
+                continue
+            previous_scores = ring[(t - period) % (last_period + 1)]
+            column = best_columns[t - period]
+            best, best_previous = previous_scores[column] - new_tempo_penalty, first_period + column
+            low = max(first_period, int(period * 0.85))
+            high = min(last_period, int(period * 1.18) + 1)
+            for previous in range(low, high + 1):
+                change = max(abs(period - previous) - 0.5, 0.0) / period
+                score = previous_scores[previous - first_period] - change_penalty * period * change * change
+                if score > best:
+                    best, best_previous = score, previous
+            row[i] = best + period * gain
+            previous_period[t, i] = best_previous
+        best_columns[t] = row.argmax()
+        for i in range(n_periods):
+            remaining = n_frames - 1 - t
+            if remaining < first_period + i and row[i] + remaining * gains[i] > best_score:
+                best_end, best_score, best_period = t, row[i] + remaining * gains[i], first_period + i
+    beats = [best_end]
+    t, period = best_end, best_period
+    while previous_period[t, period - first_period] != _NONE:
+        best_previous = previous_period[t, period - first_period]
+        t, period = t - period, int(best_previous)
+        beats.append(t)
+    return np.array(beats[::-1], np.int64)
 
 
 # Beat trackers behind one interface: the tempo path (default), librosa, or beat-this (an extra).
@@ -249,7 +310,10 @@ def fill_missing_beats(beat_times_s: NDArray[np.floating], duration_s: float) ->
     if len(beats) < 3:
         return beats
     intervals = np.diff(beats)
-    parts: list[NDArray[np.float64]] = [_beats_before(beats[0], float(np.median(intervals[:8])))]
+    period = float(np.median(intervals[:8]))
+    before = np.arange(int(beats[0] / period + 1e-9), 0, -1, dtype=np.float64)  # beats
+    # Rounding may lead below 0.
+    parts: list[NDArray[np.float64]] = [np.maximum(0.0, beats[0] - period * before)]
     for i, gap in enumerate(intervals):
         near = intervals[max(0, i - 4) : i + 5]
         period = float(np.median(near))
@@ -258,11 +322,6 @@ def fill_missing_beats(beat_times_s: NDArray[np.floating], duration_s: float) ->
     period = float(np.median(intervals[-8:]))
     parts.append(np.arange(beats[-1], max(duration_s, beats[-1] + 1e-6), period))
     return np.asarray(np.concatenate(parts), np.float64)
-
-
-def _beats_before(first_s: float, period_s: float) -> NDArray[np.float64]:
-    steps = np.arange(int(first_s / period_s + 1e-9), 0, -1, dtype=np.float64)
-    return np.maximum(0.0, first_s - period_s * steps)  # rounding may lead below 0
 
 
 # Beats of a song from a text file, one per line, with or without their numbers in the bar.

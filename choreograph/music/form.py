@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts
 from choreograph.core.numerics import Floats, Indices, frame_blocks
-from choreograph.music.metrical_level import at_changes
+from choreograph.music.bars import at_changes
 from choreograph.music.spectral import SPECTRAL_COLUMNS
 
 SECTION_S = 12.0  # average length of a section
@@ -321,7 +321,7 @@ def song_sections(
     Neighbouring bars (beats, if downbeats are not known) are merged by Ward's criterion to one section per
     12 s. Sections shorter than 6 s are merged with the more
     similar neighbour. Sections with similar mean features get one label. There is a bound at every beat of
-    `change_times_s` (C,), where other music begins (see `music.metrical_level`). A bound that is 1.5 to 4 s
+    `change_times_s` (C,), where other music begins (see `music.bars`). A bound that is 1.5 to 4 s
     from it is moved there. At least 17 beats are needed.
     """
     beats_s = np.asarray(beat_times_s, np.float64)

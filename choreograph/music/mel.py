@@ -190,7 +190,7 @@ def onset_envelopes(log_mel: NDArray[np.floating]) -> NDArray[np.float64]:
     `log_mel` (T, 96) is the result of `music.mel.log_mel`. The rise is taken over two frames (33 ms) and
     within 60 dB of the song's maximum, so that noise in a pause is not an onset.
     """
-    log_mel = _checked(log_mel)
+    log_mel = checked_log_mel(log_mel)
     floor = log_mel.max() - ONSET_RANGE
     onsets = np.empty((len(log_mel), N_BANDS))
     for block in frame_blocks(len(log_mel)):
@@ -274,7 +274,8 @@ def _autocorrelation(rows: NDArray[np.floating], size: int) -> NDArray[np.floati
     return correlation
 
 
-def _checked(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+def checked_log_mel(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Log-mel (T, 96) as float32. Raises `ParameterError` for another shape."""
     log_mel = np.asarray(log_mel, np.float32)
     if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
         raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")

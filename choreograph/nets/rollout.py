@@ -17,7 +17,7 @@ from torch.nn import functional
 from choreograph.core.counts import COUNT_PHASE_DIM
 from choreograph.motion.body import BODY_JOINTS
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS
+from choreograph.music.rhythm import FRAME_RHYTHM_FPS
 from choreograph.music.spectral import SPECTRAL_DIM
 from choreograph.nets.configs import WORD_DIM, RolloutConfig
 from choreograph.nets.rollout_poses import (

@@ -22,7 +22,7 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import foot_contacts
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
+from choreograph.music.rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.music.spectral import SPECTRAL_DIM
 from choreograph.nets.configs import WORD_DIM, RolloutConfig
 from choreograph.nets.inference import TrainedNet
@@ -43,7 +43,7 @@ RHYTHM_DIM = len(FRAME_RHYTHM_NAMES)
 PHASE_DIM = 3
 STYLE_WIDTH = 128  # of the MLP of equation 4
 ROLLOUT_FPS = FRAME_RHYTHM_FPS
-LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `music.frame_rhythm`
+LOOKAHEAD_FRAMES = 9  # of the rhythm: the whole window of `music.rhythm`
 
 _Rows = TypeVar("_Rows")  # arrays, or the tensors of a training
 
@@ -53,7 +53,7 @@ class RolloutConditions(Generic[_Rows]):
     """Conditioning of each frame, (T, ...) of one dance, or (B, T, ...) in a training."""
 
     motif: _Rows  # (T, 184) embedding of the frame's motif
-    rhythm: _Rows  # (T, 4) of `music.frame_rhythm`, some frames ahead
+    rhythm: _Rows  # (T, 4) of `music.rhythm`, some frames ahead
     progress: _Rows  # (T,) phase in the frame's word, 0 to 1
     word_s: _Rows  # (T,) duration of the word
     count_phase: _Rows  # (T, 4) of `core.counts`

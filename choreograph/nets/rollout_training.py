@@ -16,7 +16,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.core.timebase import WORD_FRAMES
 from choreograph.motion.motion import Motion
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES
+from choreograph.music.rhythm import FRAME_RHYTHM_NAMES
 from choreograph.nets.configs import RolloutConfig
 from choreograph.nets.processes import own_part
 from choreograph.nets.rollout import RolloutBatch, RolloutLosses, RolloutNet

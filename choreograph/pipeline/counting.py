@@ -28,9 +28,9 @@ from choreograph.library.builtin import are_likely_right, load_motion_counter, p
 from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.motion.body import ground_pos_m, to_root_frame
 from choreograph.motion.motion import Take
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.form import CountDistances, Form, letter_name
 from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song import load_song
 from choreograph.pipeline.saving import save_document
 

@@ -26,7 +26,7 @@ from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire, as_repertoire
 from choreograph.library.songs import DEFAULT_BEATS
 from choreograph.library.vocabulary import ALL_GENRES
-from choreograph.music.frame_rhythm import RhythmStream
+from choreograph.music.rhythm import RhythmStream
 from choreograph.music.song import Song, as_song
 from choreograph.nets.rollout_poses import LOOKAHEAD_FRAMES, ROLLOUT_FPS
 from choreograph.settings import DanceConfig

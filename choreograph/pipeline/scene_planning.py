@@ -33,8 +33,7 @@ from choreograph.core.progress import ProgressReport
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import leg_length_m
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.places import Places
-from choreograph.music.song_features import SongFeatures
+from choreograph.music.song_features import Places, SongFeatures
 from choreograph.plan.plan import Plan
 from choreograph.plan.scenes import HEIGHTS, DancerPart, PlannedDancer, ScenePlan
 from choreograph.render.scene import DancedParts, of_height, on_stage

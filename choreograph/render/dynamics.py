@@ -26,7 +26,7 @@ from choreograph.motion.contacts import SIDES, foot_sole_pos_m, move_leg
 from choreograph.motion.kinematics import ancestors, forward, to_local
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
+from choreograph.music.count_grids import coming_to_rest_s, setting_off_s
 from choreograph.plan.runs import eased_in
 
 _MEAN_POSE_S = 0.6  # standard deviation of the Gaussian that averages poses: about a count to each side
@@ -150,7 +150,7 @@ _APART_M = 0.11  # ankles do not come closer to each other
 def hold_ends(motion: Motion, opening_s: float, closing_s: float | None) -> Motion:
     """The motion with a pose held before the first count, and one after the last count.
 
-    `music.danced_span` determines how the dance begins and comes to rest. With `closing_s` None it has no
+    `music.count_grids` determines how the dance begins and comes to rest. With `closing_s` None it has no
     held end. Feet that are in the air in a held pose are put down on the floor, and the body breathes and
     shifts its weight.
     """

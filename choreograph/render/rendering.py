@@ -20,7 +20,7 @@ from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.contacts import DANCE_SHIFT_S, lock_feet_in_place
 from choreograph.motion.motion import Motion
-from choreograph.music.danced_span import coming_to_rest_s, setting_off_s
+from choreograph.music.count_grids import coming_to_rest_s, setting_off_s
 from choreograph.plan.joins import MotionReader, sample_kept_run, take_motions
 from choreograph.plan.plan import LENGTH_SLACK_S, Plan, PlannedEdit, PlannedWord, held_spans_s
 from choreograph.plan.runs import (

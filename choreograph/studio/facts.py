@@ -30,9 +30,8 @@ from choreograph.motion.body import ground_pos_m
 from choreograph.motion.motion import Credits, Motion
 from choreograph.motion.skeleton import CANONICAL_JOINTS
 from choreograph.motion.skinned_mesh import build_mannequin
-from choreograph.music.places import Places
 from choreograph.music.song import Song
-from choreograph.music.song_features import SongFeatures
+from choreograph.music.song_features import Places, SongFeatures
 from choreograph.pipeline.dancing import Dance
 from choreograph.pipeline.editing import Editor, joins_s
 from choreograph.plan.plan import Block, Plan, PlannedSecond, goes_on

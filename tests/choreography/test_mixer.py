@@ -21,7 +21,7 @@ from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
 from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
-from choreograph.music.danced_span import coming_to_rest_s
+from choreograph.music.count_grids import coming_to_rest_s
 from choreograph.music.synthesis.song import write_song
 from choreograph.plan.runs import plan_runs
 from content.songs.known_songs import BENCHMARK_SONGS

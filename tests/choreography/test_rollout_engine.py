@@ -16,7 +16,7 @@ from choreograph.choreography.rollout import engine as rollout
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions
-from choreograph.music.frame_rhythm import rhythm_from, word_spectra
+from choreograph.music.rhythm import rhythm_from, word_spectra
 from choreograph.music.song import Song
 from choreograph.pipeline import planning
 

@@ -6,7 +6,7 @@ import pytest
 
 from choreograph.choreography.scenes import parse_schedule, spans_of, values_at
 from choreograph.core.errors import ParameterError
-from choreograph.music.places import Places
+from choreograph.music.song_features import Places
 
 PLACES = Places(
     {

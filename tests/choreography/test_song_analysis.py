@@ -11,8 +11,8 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.writing import MeasuredTake
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.form import Sections
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song import load_song
 
 

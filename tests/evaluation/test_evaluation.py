@@ -30,8 +30,8 @@ from choreograph.evaluation.songs import beats_of, find_songs, read_experts, son
 from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
+from choreograph.music.bars import tempo_bpm
 from choreograph.music.form import Sections
-from choreograph.music.metrical_level import tempo_bpm
 from choreograph.music.song import load_song
 from research.spliced_songs import genre_by_second
 from research.variants import VARIANTS as RESEARCH_VARIANTS

@@ -31,8 +31,8 @@ from choreograph.library.songs import (
     song_notes,
 )
 from choreograph.motion.motion import Credits, Take
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.music.mel import log_mel
+from choreograph.music.rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.music.song import load_song
 from choreograph.music.synthesis.song import render_song, write_song
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.counts import beat_positions
-from choreograph.music import _kernels
+from choreograph.music import bar_pointer
 from choreograph.music.bar_pointer import (
     DecodedCounts,
     PhaseCurves,
@@ -66,15 +66,15 @@ def test_the_shared_beginning_of_paths_is_that_of_all_frames_at_once(monkeypatch
     gone = slice(*(round(60 * at_s) for at_s in missing_s))
     curves.beat[gone], curves.bar[gone] = 0.0, 0.0
     found, kept = [], []
-    extend = _kernels._Paths.extend
+    extend = bar_pointer._Paths.extend
 
     def extended(self, came_from):
         extend(self, came_from)
         kept.append(len(self._came_from))
 
-    monkeypatch.setattr(_kernels._Paths, "extend", extended)
+    monkeypatch.setattr(bar_pointer._Paths, "extend", extended)
     for block in (100_000, 137):
-        monkeypatch.setattr(_kernels, "_BLOCK", block)
+        monkeypatch.setattr(bar_pointer, "_BLOCK", block)
         kept.clear()
         found.append(decode_counts(curves).counts)
     assert found[0].times_s.tolist() == found[1].times_s.tolist()

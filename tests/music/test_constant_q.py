@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music import constant_q
+from choreograph.music import spectral
 from choreograph.music.mel import mel_band_hz, mel_filterbank
 
 RATE = {"sr": SAMPLE_RATE_HZ}
-BINS = {"bins_per_octave": constant_q.BINS_PER_OCTAVE}
+BINS = {"bins_per_octave": spectral.BINS_PER_OCTAVE}
 
 
 def sounds(seed: int, duration_s: float = 5.0) -> np.ndarray:
@@ -34,7 +34,7 @@ def test_mel_filters_are_librosas(n_bands):
 
 @pytest.mark.parametrize(("window", "tuning", "width"), [(2048, 0.13, 2.0), (8192, 0.0, None)])
 def test_chroma_filters_are_librosas(window, tuning, width):
-    ours = constant_q.chroma_filterbank(window, tuning, None if width is None else (5.0, width))
+    ours = spectral.chroma_filterbank(window, tuning, None if width is None else (5.0, width))
     theirs = librosa.filters.chroma(n_fft=window, tuning=tuning, octwidth=width, dtype=np.float64, **RATE)
     np.testing.assert_allclose(ours, theirs, atol=1e-12)
 
@@ -43,29 +43,29 @@ def test_chroma_filters_are_librosas(window, tuning, width):
 def test_the_transform_is_librosas(n_samples, tuning):
     samples = sounds(1)[:n_samples]
     theirs = np.abs(librosa.cqt(samples, hop_length=512, n_bins=252, tuning=3 * tuning, **RATE, **BINS))
-    ours = constant_q.constant_q(samples, 512, tuning)
-    assert ours.shape == (constant_q.N_BINS, 1 + n_samples // 512)
+    ours = spectral.constant_q(samples, 512, tuning)
+    assert ours.shape == (spectral.N_BINS, 1 + n_samples // 512)
     np.testing.assert_allclose(ours[:, : theirs.shape[1]], theirs, atol=3e-6 * theirs.max())
 
 
 def test_chroma_of_the_transform_is_librosas():
-    tones = constant_q.constant_q(sounds(2), 512, 0.0)
+    tones = spectral.constant_q(sounds(2), 512, 0.0)
     tones[tones < 1e-3 * tones.max()] = 0.0
     tones[:, 50:90] = 0.0  # a pause
-    sums = constant_q.chroma_of(tones)
-    chroma = constant_q.normalised(sums, np.inf)
+    sums = spectral.chroma_of(tones)
+    chroma = spectral.normalised(sums, np.inf)
     np.testing.assert_allclose(chroma, librosa.feature.chroma_cqt(C=tones, **BINS), atol=1e-5)
     cens = librosa.feature.chroma_cens(C=tones, **BINS)
-    np.testing.assert_allclose(constant_q.energy_normalised(sums), cens, atol=1e-5)
+    np.testing.assert_allclose(spectral.energy_normalised(sums), cens, atol=1e-5)
     centroids = librosa.feature.tonnetz(chroma=chroma)
-    np.testing.assert_allclose(constant_q.tonal_centroids(chroma), centroids, atol=1e-5)
+    np.testing.assert_allclose(spectral.tonal_centroids(chroma), centroids, atol=1e-5)
 
 
 @pytest.mark.parametrize("seed", [3, 4])
 def test_peaks_and_tuning_are_librosas(seed):
     magnitude = np.abs(librosa.stft(sounds(seed), hop_length=2048, center=False))
     pitch, strength = librosa.piptrack(S=magnitude, n_fft=2048, **RATE)
-    hz, height = constant_q.spectral_peaks(np.ascontiguousarray(magnitude.T), 2048)
+    hz, height = spectral.spectral_peaks(np.ascontiguousarray(magnitude.T), 2048)
     np.testing.assert_allclose(np.sort(hz), np.sort(pitch[pitch > 0]), rtol=1e-5)
     np.testing.assert_allclose(np.sort(height), np.sort(strength[pitch > 0]), rtol=1e-4)
-    assert constant_q.tuning_of(hz) == librosa.pitch_tuning(hz)
+    assert spectral.tuning_of(hz) == librosa.pitch_tuning(hz)

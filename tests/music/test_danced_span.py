@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.danced_span import (
+from choreograph.music.count_grids import (
     FIRST_HOLD_S,
     LAST_HOLD_S,
     REACH_S,

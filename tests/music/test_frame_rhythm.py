@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.frame_rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
 from choreograph.music.mel import loudness, scaled
+from choreograph.music.rhythm import FRAME_RHYTHM_NAMES, WINDOW_FRAMES, frame_rhythm
 
 FRAME = 735  # samples
 TEMPOGRAM, ONSET, RMS, BEAT = range(len(FRAME_RHYTHM_NAMES))

@@ -14,8 +14,8 @@ from choreograph.core.scratch import ScratchFile
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music import song as song_module
 from choreograph.music.bars import beat_evidence, track_bars
-from choreograph.music.frame_rhythm import frame_rhythm
 from choreograph.music.mel import log_mel, loudness
+from choreograph.music.rhythm import frame_rhythm
 from choreograph.music.song import as_song, cached_song, joined_samples, peak_of
 from choreograph.music.song_features import energy_per_second, stops_s
 from choreograph.music.spectral import spectral_features

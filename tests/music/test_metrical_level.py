@@ -6,16 +6,16 @@ import soxr
 
 from choreograph.core.counts import Counts, make_counts, numbers_in_bar
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.music.bars import track_bars
-from choreograph.music.mel import log_mel
-from choreograph.music.metrical_level import (
+from choreograph.music.bars import (
     between,
     choose_level,
     joined,
     metrical_levels,
     tempo_bpm,
+    track_bars,
     with_eighths,
 )
+from choreograph.music.mel import log_mel
 from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 from content.songs.metre_styles import SIX_BALLAD

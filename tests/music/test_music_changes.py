@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.core.counts import NO_COUNTS, Counts, make_counts, numbers_in_bar
-from choreograph.music.metrical_level import change_times_s, part_metre
+from choreograph.music.bars import change_times_s, part_metre
 
 
 def song_of(*parts: tuple[float, int, int]) -> tuple[Counts, list[float]]:

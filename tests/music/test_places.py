@@ -7,7 +7,7 @@ import pytest
 
 from choreograph.core.errors import ParameterError
 from choreograph.music.form import Sections
-from choreograph.music.places import Places, bar_spans_s, chorus_and_verse, names_place
+from choreograph.music.song_features import Places, bar_spans_s, chorus_and_verse, names_place
 
 PLACES = Places(
     {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.frame_rhythm import RhythmStream, frame_rhythm
+from choreograph.music.rhythm import RhythmStream, frame_rhythm
 
 BEATS_S = np.arange(0.25, 8.0, 0.5)
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.evaluation.metrics.beat import f_score
-from choreograph.music._kernels import best_beat_sequence
-from choreograph.music.beats import librosa_beats, onset_strength, tempo_path_beats
+from choreograph.music.beats import best_beat_sequence, librosa_beats, onset_strength, tempo_path_beats
 from choreograph.music.mel import log_mel
 from content.songs.known_songs import BENCHMARK_SONGS
 

@@ -14,7 +14,7 @@ from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import canonical_skeleton
-from choreograph.music.danced_span import held_times_s
+from choreograph.music.count_grids import held_times_s
 from choreograph.render.dynamics import (
     _played,
     copied,

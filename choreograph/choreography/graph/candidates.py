@@ -27,7 +27,7 @@ from choreograph.choreography.selection import (
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, SEGMENT_S, frames_to_seconds
-from choreograph.music.danced_span import REACH_S
+from choreograph.music.count_grids import REACH_S
 from choreograph.music.song_features import SongFeatures
 
 FIRST, IF_TOO_FEW, NEVER = 0, 1, 2  # ranks of `take_ranks`

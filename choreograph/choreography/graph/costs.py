@@ -30,7 +30,7 @@ from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.plugins import Group, installed, installed_names
 from choreograph.core.timebase import CLIP_FRAMES, NET_FPS, NODE_FRAMES
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.danced_span import held_times_s
+from choreograph.music.count_grids import held_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.settings import DanceConfig
 

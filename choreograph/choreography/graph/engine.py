@@ -37,8 +37,7 @@ from choreograph.core.timebase import CLIP_FRAMES, CLIP_S, NET_FPS, SEGMENT_S
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import ALL_GENRES, SpanMotifLookup
 from choreograph.motion.motion import Motion
-from choreograph.music.count_grids import FEWEST_COUNTS, SongGrid, TakeGrids
-from choreograph.music.danced_span import REACH_S, join_times_s
+from choreograph.music.count_grids import FEWEST_COUNTS, REACH_S, SongGrid, TakeGrids, join_times_s
 from choreograph.plan.joins import MAX_STEER_RAD, take_motions, time_transitions
 from choreograph.plan.plan import Plan, PlannedSecond
 from choreograph.plan.runs import Run, TransitionTiming, runs_of_seconds

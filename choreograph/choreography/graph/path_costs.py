@@ -18,7 +18,7 @@ from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, seconds_to_frames
 from choreograph.motion.body import BODY_JOINTS
-from choreograph.music.danced_span import held_times_s
+from choreograph.music.count_grids import held_times_s
 from choreograph.music.song_features import SongFeatures
 from choreograph.plan.joins import stage_half_m
 

@@ -31,7 +31,7 @@ from choreograph.core.free_memory import LONG_S
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
-from choreograph.music.danced_span import held_times_s
+from choreograph.music.count_grids import held_times_s
 from choreograph.plan.joins import stage_half_m
 from choreograph.plan.plan import Plan, PlannedWord
 from choreograph.settings import DanceConfig, settings_of

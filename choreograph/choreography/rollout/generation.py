@@ -23,8 +23,8 @@ from choreograph.library.vocabulary import Motifs, dance_bounds_s
 from choreograph.motion.contacts import contacts_of, lock_feet_in_place
 from choreograph.motion.motion import Motion
 from choreograph.motion.skeleton import Skeleton
-from choreograph.music.frame_rhythm import rhythm_from, word_spectra
 from choreograph.music.mel import log_mel
+from choreograph.music.rhythm import rhythm_from, word_spectra
 from choreograph.music.song import Song
 from choreograph.nets.rollout_poses import (
     N_FEET,
@@ -113,7 +113,7 @@ class MotifSequence:
     start_s: Floats  # (N,) of the words
     end_s: Floats  # (N,)
     motif: NDArray[np.floating]  # (N, 184) embedding of each word's motif
-    rhythm: NDArray[np.floating]  # (T', 4) of the song, of `music.frame_rhythm`
+    rhythm: NDArray[np.floating]  # (T', 4) of the song, of `music.rhythm`
     count_phase: NDArray[np.floating]  # (T', 4) of the song, of `core.counts`
     spectral: NDArray[np.floating] | None  # (N, 87) of each word's music, or None without style
 
