@@ -176,11 +176,6 @@ def _thinner(part: BodyPart, rest_m: Floats, skeleton: Skeleton) -> BodyPart:
     return replace(part, radii_m=np.maximum(part.radii_m - depth_m, 1e-3))
 
 
-def place_in_rest(points_m: Floats, joint_pos_m: Floats, joint_quat: Floats, rest_pos_m: Floats) -> Floats:
-    """World points (T, 3) in the space of the rest pose of a joint at (T, 3) with rotation (T, 4)."""
-    return rot.rotate(rot.invert(joint_quat), points_m - joint_pos_m) + rest_pos_m
-
-
 # Hands.
 
 
@@ -234,15 +229,15 @@ def _way_out(
     for part in parts:
         at, turned = pos_m[:, part.joint], quat[:, part.joint]
         for point in points_m:
-            way = part.way_out_m(place_in_rest(point, at, turned, rest_m[part.joint]), radius_m)
+            in_rest = rot.rotate(rot.invert(turned), point - at) + rest_m[part.joint]
+            way = part.way_out_m(in_rest, radius_m)
             farther = np.linalg.norm(way, axis=-1) > np.linalg.norm(shift, axis=-1)
             shift[farther] = rot.rotate(turned, way)[farther]
     if not shift.any():
         return shift
     smooth = scipy.ndimage.gaussian_filter1d(shift, ease / 2.0, axis=0, mode="nearest")
     smooth /= np.maximum(np.linalg.norm(smooth, axis=-1, keepdims=True), 1e-12)
-    eased: Floats = smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
-    return eased
+    return smooth_cover(np.linalg.norm(shift, axis=-1), ease)[:, None] * smooth
 
 
 # Feet. With other proportions, feet at the ends of legs that have the directions of the dancer's would slide,

@@ -170,7 +170,7 @@ def _bytes(content: Any) -> bytes | bytearray:
         return content.encode("latin1")
     if type(content) not in (bytes, bytearray):
         raise ValueError("an array without bytes")
-    return content  # type: ignore[no-any-return]
+    return content
 
 
 def _parts(state: Any, *sizes: int) -> tuple[Any, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.skeleton import Skeleton
@@ -96,7 +97,7 @@ def body_height(skeleton: Skeleton, pos: NDArray[np.floating]) -> float:
     return height
 
 
-def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDArray[np.float64], str]:
+def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[Floats, str]:
     """The rotation (4,) that makes +Y the up axis, and a note. Identity and "" if +Y is up already.
 
     Up is the axis along which the shoulders are above the ankles in `pos` (T, J, 3), averaged over frames.
@@ -110,14 +111,14 @@ def rotation_to_y_up(skeleton: Skeleton, pos: NDArray[np.floating]) -> tuple[NDA
     return rotation, f"rotated from {name} up to +Y up: the shoulders are above the feet along {name}"
 
 
-def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> NDArray[np.float64]:
+def upward(roles: Mapping[str, int], pos: NDArray[np.floating]) -> Floats:
     """The mean vector (3,) from the ankles to the shoulders of `pos` (T, J, 3)."""
     joints = [[roles[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "ankle")]
     shoulders, ankles = pos[:, joints].mean(axis=(0, 2))
     return np.asarray(shoulders - ankles, np.float64)
 
 
-def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+def rotation_from_upward(upward: Floats) -> tuple[Floats, str]:
     """The rotation (4,) of the axis nearest to `upward` (3,) to +Y, and that axis, "" if it is +Y."""
     axis = int(np.argmax(np.abs(upward)))
     name = f"{'+' if upward[axis] > 0 else '-'}{'XYZ'[axis]}"
@@ -126,8 +127,6 @@ def rotation_from_upward(upward: NDArray[np.float64]) -> tuple[NDArray[np.float6
     return _TO_Y_UP[name], name
 
 
-def to_rotated_axes(
-    rotation: NDArray[np.float64], vectors: NDArray[np.float64], quats: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def to_rotated_axes(rotation: Floats, vectors: Floats, quats: Floats) -> tuple[Floats, Floats]:
     """Vectors (..., 3) and rotations (..., 4) in axes that are rotated by `rotation` (4,)."""
     return rot.rotate(rotation, vectors), rot.multiply(rot.multiply(rotation, quats), rot.invert(rotation))

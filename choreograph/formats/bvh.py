@@ -23,7 +23,7 @@ from choreograph.core.arguments import as_number
 from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_bytes
-from choreograph.core.numerics import descendants, frame_blocks
+from choreograph.core.numerics import Floats, descendants, frame_blocks
 from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
@@ -61,7 +61,7 @@ class BvhText:
     channels: list[list[str]] = field(default_factory=list)  # per joint, such as "xposition"
     tip_parents: list[int] = field(default_factory=list)
     tips: list[list[float]] = field(default_factory=list)
-    values: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))  # (T, all channels)
+    values: Floats = field(default_factory=lambda: np.zeros((0, 0)))  # (T, all channels)
     fps: float = 0.0
     notes: list[str] = field(default_factory=list)  # on what is unusual in the text
     has_decimal_commas: bool = False
@@ -97,22 +97,16 @@ def parse_bvh(text: str) -> BvhText:
         raise FormatError(
             "expected a MOTION section after the hierarchy, got none: the file is cut off or a skeleton only"
         )
-    body = _without_end_marks(motion[0], bvh.notes)
+    end = len(motion[0].rstrip(_END_MARKS + " \t\n"))
+    body, n_marks = motion[0][:end], sum(motion[0].count(mark, end) for mark in _END_MARKS)
+    if n_marks:
+        bvh.notes.append(f"{n_marks} end-of-file marks (^Z, NUL) after the motion are left out")
     if "#" in body or "//" in body:
         body = _COMMENT.sub("", body)
     _parse_motion(body, bvh)
     if bvh.has_decimal_commas:
         bvh.notes.append("numbers have decimal commas, which are read as points")
     return bvh
-
-
-def _without_end_marks(body: str, notes: list[str]) -> str:
-    """The text without the ^Z and NULs at its end. They are noted."""
-    end = len(body.rstrip(_END_MARKS + " \t\n"))
-    marks = sum(body.count(mark, end) for mark in _END_MARKS)
-    if marks:
-        notes.append(f"{marks} end-of-file marks (^Z, NUL) after the motion are left out")
-    return body[:end]
 
 
 class _Hierarchy:
@@ -223,8 +217,10 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
     timing = _TIMING.match(body)
     if timing is None:
         raise FormatError('expected "Frames:" and "Frame Time:" after MOTION')
-    n_channels = sum(map(len, bvh.channels))
-    announced = _frame_count(timing[1])
+    n_channels, stated = sum(map(len, bvh.channels)), _number_or_nan(timing[1])
+    if not (abs(stated) < _LARGEST and stated.is_integer()):
+        raise FormatError(f"expected a number of frames, got {reprlib.repr(timing[1])}")
+    announced = int(stated)
     bvh.fps = _frame_rate(timing[2])
     check_length(max(announced, 1), len(bvh.names), bvh.fps)
     if len(bvh.names) > n_channels + _CHANNELLESS_JOINTS:  # a short file would need much memory
@@ -253,7 +249,7 @@ def _parse_motion(body: str, bvh: BvhText) -> None:
         )
 
 
-def _numbers(text: str, start: int, most: int) -> tuple[NDArray[np.float64], int]:
+def _numbers(text: str, start: int, most: int) -> tuple[Floats, int]:
     """The numbers from a character on, and how many there are. Those beyond `most` are only counted.
 
     They are read in blocks, because words need much more memory than their text or numbers.
@@ -270,13 +266,13 @@ def _numbers(text: str, start: int, most: int) -> tuple[NDArray[np.float64], int
     return np.concatenate(blocks), n_found
 
 
-def _as_numbers(words: Sequence[str]) -> NDArray[np.float64]:
+def _as_numbers(words: Sequence[str]) -> Floats:
     try:
         return np.array(list(map(float, words)))
     except ValueError:
         values = np.array(list(map(_number_or_nan, words)))
     for word, value in zip(words, values, strict=True):
-        if np.isnan(value) and not _is_missing(word):
+        if np.isnan(value) and _MISSING.fullmatch(word) is None:
             raise FormatError(f"the motion contains something that is not a number: {reprlib.repr(word)}")
     return values
 
@@ -287,18 +283,6 @@ def _number_or_nan(word: str) -> float:
         return float(word.replace(",", ".", 1))
     except ValueError:
         return np.nan
-
-
-def _is_missing(word: str) -> bool:
-    """Whether a word is a spelling of a missing value."""
-    return _MISSING.fullmatch(word) is not None
-
-
-def _frame_count(word: str) -> int:
-    count = _number_or_nan(word)
-    if not (abs(count) < _LARGEST and count.is_integer()):
-        raise FormatError(f"expected a number of frames, got {reprlib.repr(word)}")
-    return int(count)
 
 
 def _frame_rate(frame_time: str) -> float:
@@ -362,11 +346,11 @@ class _Body:
 
     names: tuple[str, ...]
     parents: NDArray[np.int64]  # (J,)
-    rest: NDArray[np.float64]  # (J, 3)
-    local_pos: NDArray[np.float64]  # (T, J, 3)
-    local_quat: NDArray[np.float64]  # (T, J, 4)
+    rest: Floats  # (J, 3)
+    local_pos: Floats  # (T, J, 3)
+    local_quat: Floats  # (T, J, 4)
     tip_parents: NDArray[np.int64]  # (E,)
-    tips: NDArray[np.float64]  # (E, 3)
+    tips: Floats  # (E, 3)
     roles: Mapping[str, int] | None = None  # if they are not known by the names
 
     def skeleton(self) -> Skeleton:
@@ -428,7 +412,10 @@ def _body(text: BvhText, notes: list[str]) -> _Body:
         angles = [i for i, channel in enumerate(channels) if channel.endswith("rotation")]
         if angles:
             order = "".join(channels[i][0] for i in angles)
-            local_quat[:, joint] = _from_euler(order, np.radians(columns[:, angles]))
+            order += "".join(axis for axis in "xyz" if axis not in order)  # rotations by 0 change nothing
+            padded = np.zeros((n_frames, 3))
+            padded[:, : len(angles)] = np.radians(columns[:, angles])
+            local_quat[:, joint] = rot.from_euler(order, padded)
         for i, channel in enumerate(channels):
             if channel.endswith("position"):
                 local_pos[:, joint, "xyz".index(channel[0])] = columns[:, i]
@@ -440,14 +427,6 @@ def _body(text: BvhText, notes: list[str]) -> _Body:
     tip_parents = np.array(text.tip_parents, np.int64)
     names, parents = tuple(text.names), np.array(text.parents)
     return _Body(names, parents, rest, local_pos, local_quat, tip_parents, np.array(text.tips).reshape(-1, 3))
-
-
-def _from_euler(order: str, angles: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Quaternions (T, 4) of intrinsic rotations (T, 1 to 3) in radians about the axes of `order`."""
-    padded = np.zeros((len(angles), 3))
-    padded[:, : len(order)] = angles
-    unused = "".join(axis for axis in "xyz" if axis not in order)
-    return rot.from_euler(order + unused, padded)
 
 
 def _from_hips(body: _Body, notes: list[str]) -> _Body:
@@ -561,7 +540,7 @@ class BvhWriter(Writer):
             for rows in self._rows(motion):
                 file.write(_lines_of(rows))
 
-    def _rows(self, motion: Motion) -> Iterator[NDArray[np.float64]]:
+    def _rows(self, motion: Motion) -> Iterator[Floats]:
         """The numbers of each frame in blocks, (T_b, 3 + 3 J)."""
         order = _file_order(motion.skeleton)
         before = turns = np.zeros((1, len(order), 3))  # angles of the last frame, and the full turns added
@@ -608,7 +587,7 @@ class BvhWriter(Writer):
         return "OFFSET " + " ".join(f"{value:.6f}" for value in offset_m * self.options.units_per_m)
 
 
-def _lines_of(rows: NDArray[np.float64]) -> bytes:
+def _lines_of(rows: Floats) -> bytes:
     """Lines of text with the numbers (T, C) of each row, five decimals each. It is faster than `%`."""
     if not np.abs(rows).max() < _MOST:
         line = " ".join(["%.5f"] * rows.shape[1]) + "\n"
@@ -623,16 +602,15 @@ def _lines_of(rows: NDArray[np.float64]) -> bytes:
         shown = ord("0") + left - 10 * higher
         text[..., -2 - digit - (digit >= 5)] = shown if digit < 6 else np.where(left, shown, 0)
         left = higher
-    lines: bytes = text[text != 0].tobytes()
-    return lines
+    return text[text != 0].tobytes()
 
 
-def _full_turns(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+def _full_turns(angles: Floats) -> Floats:
     """What `np.unwrap` adds from each of the angles (T, ...) on, (T - 1, ...): full turns, or zero."""
     steps = np.diff(angles, axis=0)
     wrapped = np.mod(steps + np.pi, 2 * np.pi) - np.pi
     np.copyto(wrapped, np.pi, where=(wrapped == -np.pi) & (steps > 0))
-    added: NDArray[np.float64] = wrapped - steps
+    added: Floats = wrapped - steps
     np.copyto(added, 0.0, where=np.abs(steps) < np.pi)
     return added
 

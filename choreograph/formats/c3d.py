@@ -98,8 +98,8 @@ def joint_centres(markers: MarkerPos) -> tuple[Floats, tuple[str, ...]]:
     points: dict[str, Floats] = {}
     head = np.mean([markers[name] for name in ("LFHD", "RFHD", "LBHD", "RBHD")], axis=0)
     chest, back = 0.5 * (markers["CLAV"] + markers["C7"]), 0.5 * (markers["STRN"] + markers["T10"])
-    down = _unit(back - chest)  # (T, 3)
-    points["head"] = head + _HEAD_DROP_M * _unit(chest - head)
+    down = rot.unit(back - chest)  # (T, 3)
+    points["head"] = head + _HEAD_DROP_M * rot.unit(chest - head)
     points["spine1"] = np.mean([markers[name] for name in ("LFWT", "RFWT", "LBWT", "RBWT")], axis=0)
     for side, word in (("L", "left"), ("R", "right")):
         points[f"{word}_temple"] = 0.5 * (markers[f"{side}FHD"] + markers[f"{side}BHD"])
@@ -135,7 +135,7 @@ def _arm(markers: MarkerPos, side: str, shoulder: Floats) -> dict[str, Floats]:
     forearm = _segment(wrist, markers[f"{side}WRA"], lower)
     centre = _hinge(elbow, medial * _ELBOW_M, (shoulder, wrist), (upper_arm, forearm))
     centre = _unstretched(centre, (shoulder, wrist), upper_arm)
-    hand = markers.get(f"{side}FIN", wrist + _HAND_M * _unit(wrist - centre))
+    hand = markers.get(f"{side}FIN", wrist + _HAND_M * rot.unit(wrist - centre))
     return {"shoulder": shoulder, "elbow": centre, "wrist": wrist, "hand": hand}
 
 
@@ -148,7 +148,7 @@ def _hip(markers: MarkerPos, side: str) -> Floats:
     depth = float(np.mean(np.linalg.norm(front - back, axis=-1)))
     axes = pelvis[1]  # (T, 3, 3), columns: left, backwards
     # Waist markers may be higher in front than at the back. The mean vertical is used as up.
-    up = _unit(np.einsum("tij,i->tj", axes, [0.0, 1.0, 0.0]).mean(axis=0) * [0.0, 1.0, 1.0])
+    up = rot.unit(np.einsum("tij,i->tj", axes, [0.0, 1.0, 0.0]).mean(axis=0) * [0.0, 1.0, 1.0])
     left = np.array([1.0, 0.0, 0.0])
     forward = np.cross(left, up)
     sign = 1.0 if side == "L" else -1.0
@@ -181,7 +181,7 @@ def _hinge(
     for _ in range(_HINGE_PASSES):
         normal = np.cross(centre - ends[0], ends[1] - centre)  # (T, 3), longer where the limb is bent more
         normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
-        axes = [_unit(np.einsum("tij,ti->j", axes, normal)) for _, axes in segments]
+        axes = [rot.unit(np.einsum("tij,ti->j", axes, normal)) for _, axes in segments]
         beside = marker + reach_m * np.einsum("tij,j->ti", segments[0][1], axes[0])
         centre = _centre(segments, beside, axes)
     return centre
@@ -195,7 +195,7 @@ def _unstretched(centre: Floats, ends: tuple[Floats, Floats], segment: Segment) 
     """
     normal = np.cross(centre - ends[0], ends[1] - centre)
     normal = normal * np.linalg.norm(normal, axis=-1, keepdims=True)
-    axis = np.einsum("tij,j->ti", segment[1], _unit(np.einsum("tij,ti->j", segment[1], normal)))
+    axis = np.einsum("tij,j->ti", segment[1], rot.unit(np.einsum("tij,ti->j", segment[1], normal)))
     for _ in range(_HINGE_PASSES):
         upper, lower = centre - ends[0], ends[1] - centre
         lengths = [np.linalg.norm(bone, axis=-1) for bone in (upper, lower)]  # (T,) each
@@ -203,7 +203,7 @@ def _unstretched(centre: Floats, ends: tuple[Floats, Floats], segment: Segment) 
         bent_back = -float(np.percentile(sine, _STRETCHED_PERCENT))  # radians, since small
         if bent_back <= 0.0:
             break
-        forward = _unit(np.cross(ends[1] - ends[0], axis))
+        forward = rot.unit(np.cross(ends[1] - ends[0], axis))
         centre = centre + bent_back / np.mean(1.0 / lengths[0] + 1.0 / lengths[1]) * forward
     return centre
 
@@ -229,7 +229,7 @@ def _sole(heel: Floats, toe: Floats, foot: Segment) -> tuple[Floats, Floats]:
     """Heel and toe (T, 3) on the sole, below their markers in the frames where the foot stands flat."""
     rise = heel[:, 1] - toe[:, 1]  # (T,)
     flat = np.argsort(rise)[: max(1, round(_FLAT_SHARE * len(rise)))]
-    down = _unit(-foot[1][flat, 1].mean(axis=0))  # world's down in the foot's axes
+    down = rot.unit(-foot[1][flat, 1].mean(axis=0))  # world's down in the foot's axes
     down = np.einsum("tij,j->ti", foot[1], down)
     heel_m = _TOE_MARKER_M + float(np.median(rise[flat]))
     return heel + max(heel_m, 0.0) * down, toe + _TOE_MARKER_M * down
@@ -237,29 +237,22 @@ def _sole(heel: Floats, toe: Floats, foot: Segment) -> tuple[Floats, Floats]:
 
 def _segment(origin: Floats, along: Floats, towards: Floats) -> Segment:
     """A rigid segment from three points (T, 3): its origin (T, 3), and axes (T, 3, 3) in columns."""
-    first = _unit(along - origin)
+    first = rot.unit(along - origin)
     second = towards - origin
-    second = _unit(second - first * np.sum(first * second, axis=-1, keepdims=True))
+    second = rot.unit(second - first * np.sum(first * second, axis=-1, keepdims=True))
     return origin, np.stack([first, second, np.cross(first, second)], axis=-1)
 
 
 def _into(segment: Segment, pos: Floats) -> Floats:
-    local: Floats = np.einsum("tij,ti->tj", segment[1], pos - segment[0])
-    return local
+    return np.einsum("tij,ti->tj", segment[1], pos - segment[0])
 
 
 def _out_of(segment: Segment, local: Floats) -> Floats:
-    pos: Floats = segment[0] + np.einsum("tij,j->ti", segment[1], local)
-    return pos
+    return segment[0] + np.einsum("tij,j->ti", segment[1], local)
 
 
 def _sample(n_frames: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, n_frames - 1, _CALIBRATION_FRAMES).round().astype(np.int64))
-
-
-def _unit(vector: Floats) -> Floats:
-    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
-    return unit
 
 
 # Labelled markers in metres, with Y up and without gaps.
@@ -313,7 +306,8 @@ def read_markers(path: Path) -> Markers:
             continue
         filled = unit * _filled(points[:, column, :3], missing[:, column])
         pos_m[name] = _filled(filled, _jumps(filled))
-        gap_s = _longest_run(missing[:, column]) / fps
+        edges = np.flatnonzero(np.diff(missing[:, column], prepend=False, append=False))  # of gaps, in pairs
+        gap_s = (edges[1::2] - edges[::2]).max(initial=0) / fps
         if gap_s > _LONG_GAP_S:
             notes.append(f"marker {name} is missing for {gap_s:.2f} s, which was interpolated")
     if not pos_m:
@@ -390,20 +384,13 @@ def _filled(pos: Floats, missing: NDArray[np.bool_]) -> Floats:
     if len(known) == 1:
         return np.repeat(pos[known], len(pos), axis=0)
     frames = np.arange(len(pos)).clip(known[0], known[-1])
-    filled: Floats = scipy.interpolate.PchipInterpolator(known, pos[known])(frames)
-    return filled
+    return scipy.interpolate.PchipInterpolator(known, pos[known])(frames)
 
 
 def _jumps(pos_m: Floats) -> NDArray[np.bool_]:
     """Samples (T,) at which a marker was confused with another, or a reflection, for one or two frames."""
     usual = scipy.ndimage.median_filter(pos_m, size=(_JUMP_FRAMES, 1), mode="nearest")
-    is_far: NDArray[np.bool_] = np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
-    return is_far
-
-
-def _longest_run(flags: NDArray[np.bool_]) -> int:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return int((edges[1::2] - edges[::2]).max(initial=0))
+    return np.linalg.norm(pos_m - usual, axis=-1) > _JUMP_M
 
 
 def _y_up(pos_m: dict[str, Floats]) -> dict[str, Floats]:

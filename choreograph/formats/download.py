@@ -110,7 +110,10 @@ def _data_set(table: Path, name: str, entry: Any) -> DataSet:
         raise FormatError(f"{where}: expected a name in small letters, and files or by_hand, got other keys")
     values = _checked(where, {k: v for k, v in entry.items() if k != "files"}, DataSet, ("name", "files"))
     _check_inside(where, values["build"])
-    _check_glob(where, values["layout"])
+    glob = PurePosixPath(values["layout"]).parts
+    if not glob or any("**" in part and part != "**" for part in glob):
+        raise FormatError(f"{where}: expected a glob such as takes/*.bvh, got {values['layout']!r}")
+    _check_inside(where, re.sub(r"[*?]", "x", values["layout"]))
     found = DataSet(name=name, files=tuple(_file(where, file) for file in files), **values)
     names = {file.name.casefold() for file in found.files}  # they lie in one folder, which is locked
     if len(names) < len(files):
@@ -174,13 +177,6 @@ def is_usual_name(name: str) -> bool:
 def _check_inside(where: str, folder: str) -> None:
     if not all(map(is_usual_name, PurePosixPath(folder).parts)):
         raise FormatError(f"{where}: expected a folder inside that of the data set, got {folder!r}")
-
-
-def _check_glob(where: str, glob: str) -> None:
-    parts = PurePosixPath(glob).parts
-    if not parts or any("**" in part and part != "**" for part in parts):
-        raise FormatError(f"{where}: expected a glob such as takes/*.bvh, got {glob!r}")
-    _check_inside(where, re.sub(r"[*?]", "x", glob))
 
 
 # Download, comparison of sums, unpacking.
@@ -350,7 +346,10 @@ class _Receiver:
             start = had if is_rest else 0
             total = start + int(answer.headers.get("Content-Length", 0))
             self._check_size(total)
-            _write_tag(self.tag, answer.headers)
+            entity = answer.headers.get("ETag", "")  # tells this version of the file from others
+            if not entity or entity.startswith("W/"):  # a weak tag does not promise the same bytes
+                entity = answer.headers.get("Last-Modified", "")
+            self.tag.write_text(entity, encoding="latin-1")
             with self.part.open("ab" if is_rest else "wb") as out:
                 done = start
                 for block in answer.iter_content(_BLOCK_BYTES):
@@ -368,14 +367,6 @@ class _Receiver:
             raise FormatError(
                 f"{self.file.url}: expected at most {self.file.max_bytes} bytes, got more: it is another file"
             )
-
-
-def _write_tag(path: Path, headers: Any) -> None:
-    """Keep what tells this version of the file from others, if the host states it."""
-    tag = headers.get("ETag", "")
-    if not tag or tag.startswith("W/"):  # a weak tag does not promise the same bytes
-        tag = headers.get("Last-Modified", "")
-    path.write_text(tag, encoding="latin-1")
 
 
 def unpack(archive: Path, folder: Path, file: SetFile) -> tuple[list[str], list[str]]:
@@ -519,7 +510,9 @@ def _copied(address: str, folder: Path, report: ProgressReport | None) -> Path:
         name = "takes" if name in ("", "..") else name
         for done, file in enumerate(files):
             inside = PurePosixPath(file).relative_to(path) if is_folder else PurePosixPath()
-            _copy_file(filesystem, file, folder / name / _checked_part(inside, address))
+            if ".." in inside.parts or inside.is_absolute():
+                raise ParameterError(f"{address}: expected files below it, got {str(inside)[:80]!r}")
+            _copy_file(filesystem, file, folder / name / inside)
             if report is not None:
                 report("copying takes", done + 1, len(files))
     except ChoreographError:
@@ -529,12 +522,6 @@ def _copied(address: str, folder: Path, report: ProgressReport | None) -> Path:
         reason = " ".join((str(error) if is_clear else f"{type(error).__name__}: {error}").split())
         raise ParameterError(f"{address}: expected takes, could not read them: {reason}") from error
     return folder / name
-
-
-def _checked_part(inside: PurePosixPath, address: str) -> PurePosixPath:
-    if ".." in inside.parts or inside.is_absolute():
-        raise ParameterError(f"{address}: expected files below it, got {str(inside)[:80]!r}")
-    return inside
 
 
 def _copy_file(filesystem: Any, file: str, target: Path) -> None:

@@ -37,7 +37,6 @@ from choreograph.motion.motion import Credits, Motion, Take, check_length
 from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
 
 LAYOUT = "a dance of EDGE, LODGE, FACT or Bailando: a pickle or .npy of SMPL poses or joint positions"
-_SUFFIXES = (".pkl", ".npy")
 _PICKLE_FPS = 30.0
 _LONGEST_NAME = 40
 _BODY = 22  # joints before the hands

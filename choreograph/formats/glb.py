@@ -199,7 +199,7 @@ def add_animation(document: GltfDocument, motion: Motion, name: str = ANIMATION_
     document.add_animation(name, frame_times_s(motion.n_frames, motion.fps), tracks)
 
 
-def _tracks(motion: Motion, root: int) -> list[tuple[int, str, NDArray[np.float64]]]:
+def _tracks(motion: Motion, root: int) -> list[tuple[int, str, Floats]]:
     """The tracks of a motion whose joints are the nodes from `root` on."""
     quat = rot.make_continuous(motion.local_quat)  # (T, J, 4)
     tracks = [(root, "translation", motion.root_pos_m)]
@@ -207,14 +207,7 @@ def _tracks(motion: Motion, root: int) -> list[tuple[int, str, NDArray[np.float6
     return tracks
 
 
-def gltf_quat(quat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternions (..., 4) `wxyz` in the order of glTF, `xyzw`."""
-    return np.roll(quat, -1, axis=-1)
-
-
-def _add_joints(
-    document: GltfDocument, motion: Motion, mesh: SkinnedMesh, floor_m: NDArray[np.float64]
-) -> int:
+def _add_joints(document: GltfDocument, motion: Motion, mesh: SkinnedMesh, floor_m: Floats) -> int:
     """The joints in the bind pose, as the next nodes. Return the first one."""
     skeleton, root = motion.skeleton, len(document.json.get("nodes", []))
     local = to_local(skeleton, mesh.bind_quat)  # (J, 4)
@@ -223,16 +216,14 @@ def _add_joints(
         node = {
             "name": name,
             "translation": offset.tolist(),
-            "rotation": gltf_quat(local[joint]).clip(-1.0, 1.0).tolist(),
+            "rotation": np.roll(local[joint], -1).clip(-1.0, 1.0).tolist(),  # as `xyzw`
         }
         children = (root + np.flatnonzero(skeleton.parents == joint)).tolist()
         document.add("nodes", node | ({"children": children} if children else {}))
     return root
 
 
-def _add_skin(
-    document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64], root: int, first: int
-) -> int:
+def _add_skin(document: GltfDocument, mesh: SkinnedMesh, floor_m: Floats, root: int, first: int) -> int:
     """The skin of the joints from node `root` on. A bone `first` above them is in it, and moves no vertex."""
     joints = [*range(root, root + len(mesh.bind_pos_m)), *([first] if first != root else [])]
     inverse = np.tile(np.eye(4), (len(joints), 1, 1))  # (J, 4, 4), or (J + 1, 4, 4)
@@ -248,7 +239,7 @@ def _add_skin(
     return document.add("skins", skin)
 
 
-def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: NDArray[np.float64]) -> int:
+def _add_mesh(document: GltfDocument, mesh: SkinnedMesh, floor_m: Floats) -> int:
     """The mesh with a primitive and a material for each part of the body."""
     n = len(mesh.vertices_m)
     joints, weights = np.zeros((n, 4), np.uint16), np.zeros((n, 4), np.float32)

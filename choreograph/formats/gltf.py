@@ -406,7 +406,9 @@ def _read_animations(path: str | Path, bone_map: Mapping[str, str] | None) -> di
     reader = _TrackReader(document, {node: bone for bone, node in enumerate(found.nodes)})
     motions: dict[str, _Animation] = {}
     try:
-        body = _Body.of(_with_human_names(found), bone_map)
+        human = {bone: name for name, bone in found.human_bones.items()}
+        names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
+        body = _Body.of(replace(found.rig, names=distinct(names, form="{} #{}")), bone_map)
         for number, animation in enumerate(animations):
             tracks = reader.tracks(animation)
             if tracks:  # other animations move a camera or a prop
@@ -472,13 +474,6 @@ class _Body:
             raise FormatError("expected bones at finite positions, got some that are too far: damaged?")
         now = np.moveaxis(rotations_of(world), 0, 1)
         return world[0, :, :3, 3], rot.multiply(now, rot.invert(rig.bind_quat[self.below]))
-
-
-def _with_human_names(found: GltfRig) -> Rig:
-    """The rig with the names of bones in VRM, if it has them. All names differ."""
-    human = {bone: name for name, bone in found.human_bones.items()}
-    names = [human.get(bone, name) for bone, name in enumerate(found.rig.names)]
-    return replace(found.rig, names=distinct(names, form="{} #{}"))
 
 
 class _TrackReader:
@@ -563,16 +558,14 @@ def _sampled(keys_s: Floats, values: Floats, kind: str, path: str, times_s: Floa
             return _cubic(keys_s, values, into, out, path, times_s)
     later = np.searchsorted(keys_s, times_s, side="right").clip(1)  # (T,) the first key after each time
     if kind == "STEP":
-        held: Floats = values[later - 1]
-        return held
+        return values[later - 1]
     after = later.clip(max=max(len(keys_s) - 1, 1))
     low, high = after - 1, after.clip(max=len(keys_s) - 1)
     gap = np.maximum(keys_s[high] - keys_s[low], 1e-9)
     weight = ((times_s - keys_s[low]) / gap).clip(0.0, 1.0)
     if path == "rotation":
         return rot.slerp(rot.normalize(values[low]), rot.normalize(values[high]), weight)
-    mixed: Floats = values[low] + weight[:, None] * (values[high] - values[low])
-    return mixed
+    return values[low] + weight[:, None] * (values[high] - values[low])
 
 
 def _cubic(keys_s: Floats, values: Floats, into: Floats, out: Floats, path: str, times_s: Floats) -> Floats:

@@ -29,6 +29,7 @@ from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import ANNOTATED, DATA_SET, NO_COUNTS, Counts, Figure, make_counts
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import without_garbage_collection
+from choreograph.core.numerics import Floats
 
 # The schema of the parts of a document that are read. It is checked once, before anything is read.
 #
@@ -123,33 +124,21 @@ def misfit(data: Any) -> str:
 def _misfit(value: Any, shape: Any) -> str:
     """The first place in a value that does not match, beginning with "." or "[", or "." for the value."""
     if isinstance(shape, dict):
-        return _misfit_of_fields(value, shape)
+        if not isinstance(value, dict):
+            return "."
+        of_all = shape.get(...)
+        for name in value if of_all is not None else shape:
+            if name in value and (where := _misfit(value[name], shape.get(name, of_all))):
+                return f".{ascii(name)[1:-1][:40]}{where}".rstrip(".")
+        return ""
     if isinstance(shape, list):
-        return _misfit_of_entries(value, shape[0])
+        if not isinstance(value, list) or len(value) > MAX_ENTRIES:
+            return "."
+        for index, entry in enumerate(value):
+            if where := _misfit(entry, shape[0]):
+                return f"[{index}]{where}".rstrip(".")
+        return ""
     return "" if shape(value) else "."
-
-
-def _misfit_of_fields(value: Any, shape: dict[Any, Any]) -> str:
-    if not isinstance(value, dict):
-        return "."
-    of_all = shape.get(...)
-    for name in value if of_all is not None else shape:
-        if name in value:
-            where = _misfit(value[name], shape[name] if of_all is None else of_all)
-            if where:
-                printable = ascii(name)[1:-1][:40]
-                return f".{printable}{where}".rstrip(".")
-    return ""
-
-
-def _misfit_of_entries(value: Any, shape: Any) -> str:
-    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
-        return "."
-    for index, entry in enumerate(value):
-        where = _misfit(entry, shape)
-        if where:
-            return f"[{index}]{where}".rstrip(".")
-    return ""
 
 
 # The document: its JSON, and one binary buffer with its arrays.
@@ -204,8 +193,7 @@ class GltfDocument:
         entries = self.json.get(kind, [])
         if index is None or not 0 <= index < len(entries):
             raise FormatError(f"{self.name}: expected {kind}[{index}], got none: the file is damaged")
-        entry: dict[str, Any] = entries[index]
-        return entry
+        return entries[index]
 
     def add(self, kind: str, entry: dict[str, Any]) -> int:
         """Add an entry to the list `kind`, such as "nodes". Return its index."""
@@ -237,9 +225,7 @@ class GltfDocument:
             entry["max"] = np.atleast_1d(rows.max(axis=0)).tolist()
         return self.add("accessors", entry)
 
-    def add_animation(
-        self, name: str, times_s: NDArray[np.float64], tracks: Iterable[tuple[int, str, NDArray[np.float64]]]
-    ) -> None:
+    def add_animation(self, name: str, times_s: Floats, tracks: Iterable[tuple[int, str, Floats]]) -> None:
         """Add an animation with keys at times (T,), and tracks of node, property and values.
 
         The property is "rotation" with quaternions (T, 4) `wxyz`, or "translation" with positions (T, 3).
@@ -254,9 +240,7 @@ class GltfDocument:
             samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
         self.add("animations", {"name": name, "samplers": samplers, "channels": channels})
 
-    def extend_animation(
-        self, times_s: NDArray[np.float64], tracks: Iterable[tuple[int, str, NDArray[np.float64]]]
-    ) -> None:
+    def extend_animation(self, times_s: Floats, tracks: Iterable[tuple[int, str, Floats]]) -> None:
         """Add tracks with other times to the last animation, as `add_animation` has them."""
         self.add_animation("", times_s, tracks)
         added, extended = self.json["animations"].pop(), self.json["animations"][-1]
@@ -264,7 +248,7 @@ class GltfDocument:
         extended["samplers"] += added["samplers"]
         extended["channels"] += [{**each, "sampler": first + each["sampler"]} for each in added["channels"]]
 
-    def array(self, index: int | None, *, most: int = _MAX_VALUES) -> NDArray[np.float64]:
+    def array(self, index: int | None, *, most: int = _MAX_VALUES) -> Floats:
         """The values of an accessor as floats, (N,) for scalars, else (N, D). Normalised integers are scaled.
 
         Rows after the first `most` are left out. Raises `FormatError` if the accessor is not within the file,
@@ -295,7 +279,7 @@ class GltfDocument:
         count: int = entry.get("count", 0)
         return count * _WIDTHS.get(entry.get("type", ""), 1)
 
-    def bounds(self, index: int | None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self, index: int | None) -> tuple[Floats, Floats]:
         """The least and greatest values (D,) in an accessor, (0,) if they are not stated."""
         entry = self.entry("accessors", index)
         low, high = (_divided(entry, np.array(entry.get(end, []), np.float64)) for end in ("min", "max"))
@@ -337,7 +321,7 @@ class GltfDocument:
         return struct.pack("<III", GLB_MAGIC, GLB_VERSION, 12 + len(chunks)) + chunks
 
 
-def _divided(entry: dict[str, Any], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _divided(entry: dict[str, Any], values: Floats) -> Floats:
     """Values of an accessor, divided if they are normalised integers."""
     greatest = _GREATEST.get(entry.get("componentType", 0))
     return np.maximum(values / greatest, -1.0) if entry.get("normalized") and greatest else values

@@ -345,7 +345,7 @@ def each_attempted(
         _attempted_job,
         jobs,
         key=_job_key,
-        is_kept=_is_read,
+        is_kept=lambda found: not isinstance(found, SkippedFile),
         killed=_killed,
         files=lambda job: files_of(job[1]),
     )
@@ -372,10 +372,6 @@ def _job_key(job: tuple[Callable[[Path], Content], Path]) -> bytes | None:
     except OSError:
         return None
     return key_of(function, path, path.resolve(), contents)
-
-
-def _is_read(found: object) -> bool:
-    return not isinstance(found, SkippedFile)
 
 
 def _attempted_job(job: tuple[Callable[[Path], Content], Path]) -> Content | SkippedFile:
@@ -547,7 +543,9 @@ def _rows(path: Path) -> Manifest:
         keep_wrong=True,
     )  # fmt: skip
     for row in table:
-        name = _take_name(row.cells.get("name", ""))
+        name = row.cells.get("name", "")
+        if name.lower().endswith(motion_suffixes()):
+            name = name[: name.rindex(".")]
         error = row.error or _error_in(row, is_listed=name in rows)
         if error is None:
             rows[name] = row
@@ -571,9 +569,3 @@ def _error_in(row: Row, *, is_listed: bool) -> FormatError | None:
             f"{reprlib.repr(offset)}"
         )
     return None
-
-
-def _take_name(cell: str) -> str:
-    """The name of a take without the suffix of its file."""
-    is_file = cell.lower().endswith(motion_suffixes())
-    return cell[: cell.rindex(".")] if is_file else cell

@@ -68,12 +68,10 @@ def require_usd(path: str | Path) -> None:
         ) from None
 
 
-def dance_stage(motion: Motion) -> Usd.Stage:
-    """The dance on a stage in memory. Time codes are frames, from 0."""
-    from pxr import Sdf, Usd, UsdGeom, UsdSkel
+def _empty_stage(motion: Motion) -> Usd.Stage:
+    """A stage in memory, in metres with Y up, for the frames of a motion."""
+    from pxr import Usd, UsdGeom
 
-    mesh = build_mannequin(motion.skeleton, motion)
-    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
     stage = Usd.Stage.CreateInMemory(".usda")
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -81,6 +79,16 @@ def dance_stage(motion: Motion) -> Usd.Stage:
     stage.SetFramesPerSecond(motion.fps)
     stage.SetStartTimeCode(0.0)
     stage.SetEndTimeCode(float(motion.n_frames - 1))
+    return stage
+
+
+def dance_stage(motion: Motion) -> Usd.Stage:
+    """The dance on a stage in memory. Time codes are frames, from 0."""
+    from pxr import Sdf, UsdSkel
+
+    mesh = build_mannequin(motion.skeleton, motion)
+    floor_m = np.array([0.0, mesh.vertices_m[:, 1].min(), 0.0])
+    stage = _empty_stage(motion)
     root = UsdSkel.Root.Define(stage, _ROOT)
     stage.SetDefaultPrim(root.GetPrim())
     root.CreateExtentAttr(_extent(motion.joint_pos_m().reshape(-1, 3)))
@@ -107,15 +115,9 @@ def scene_stage(
 
     `motions` have one length and rate. The `camera` films them.
     """
-    from pxr import Gf, Sdf, Usd, UsdGeom
+    from pxr import Gf, Sdf, UsdGeom
 
-    stage = Usd.Stage.CreateInMemory(".usda")
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetTimeCodesPerSecond(motions[0].fps)
-    stage.SetFramesPerSecond(motions[0].fps)
-    stage.SetStartTimeCode(0.0)
-    stage.SetEndTimeCode(float(motions[0].n_frames - 1))
+    stage = _empty_stage(motions[0])
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, _ROOT).GetPrim())
     for dancer, (motion, name) in enumerate(zip(motions, identifiers(tuple(names)), strict=True)):
         own = dance_stage(motion)

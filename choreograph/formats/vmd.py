@@ -25,6 +25,7 @@ from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import read_bytes
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.writer import Writer
 from choreograph.motion import rotations as rot
@@ -57,12 +58,12 @@ class BoneKeys:
     """Keys of a bone in the order of their frames, which differ."""
 
     frames: NDArray[np.int64]  # (K,)
-    pos: NDArray[np.float64]  # (K, 3) from the rest position, in the file's unit
-    quat: NDArray[np.float64]  # (K, 4) wxyz
+    pos: Floats  # (K, 3) from the rest position, in the file's unit
+    quat: Floats  # (K, 4) wxyz
     # Handles x1, y1, x2, y2 from 0 to 1 of the curves that lead to a key, for X, Y, Z and the rotation.
-    curves: NDArray[np.float64]  # (K, 4, 4)
+    curves: Floats  # (K, 4, 4)
 
-    def sampled(self, frames: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def sampled(self, frames: Floats) -> tuple[Floats, Floats]:
         """Positions (T, 3) and rotations (T, 4) at `frames` (T,), which may be fractional."""
         before = np.searchsorted(self.frames, frames, side="right") - 1
         low, high = before.clip(0), (before + 1).clip(0, len(self.frames) - 1)
@@ -83,7 +84,7 @@ class VmdFile:
     switches: Mapping[str, tuple[tuple[int, bool], ...]]  # frame and state, in the order of frames
 
 
-def curve_value(handles: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
+def curve_value(handles: Floats, share: Floats) -> Floats:
     """Values (T,) of Bezier curves from (0, 0) to (1, 1) at x = `share` (T,), with `handles` (T, 4)."""
     value = share.copy()
     bent = ((handles[:, 0] != handles[:, 1]) | (handles[:, 2] != handles[:, 3])) & (share > 0) & (share < 1)
@@ -99,7 +100,7 @@ def curve_value(handles: NDArray[np.float64], share: NDArray[np.float64]) -> NDA
     return value
 
 
-def _bezier(first: NDArray[np.float64], second: NDArray[np.float64], at: NDArray[np.float64]) -> np.ndarray:
+def _bezier(first: Floats, second: Floats, at: Floats) -> np.ndarray:
     rest = 1.0 - at
     return 3.0 * rest * rest * at * first + 3.0 * rest * at * at * second + at**3
 
@@ -139,7 +140,9 @@ def parse_vmd(data: bytes) -> VmdFile:
     """The keys in the content of a file. Raises `FormatError` if it is no VMD or is damaged."""
     header = next((known for known in _HEADERS if data.startswith(known)), None)
     if header is None:
-        raise FormatError(f"expected a VMD, which starts with {_first(_HEADERS)}, got {data[:16]!r}")
+        raise FormatError(
+            f"expected a VMD, which starts with {next(iter(_HEADERS)).decode()!r}, got {data[:16]!r}"
+        )
     start = _HEADER_BYTES + _HEADERS[header]
     if len(data) < start + 4:
         raise FormatError(f"expected a VMD of {start + 4} bytes or more, got {len(data)}: cut off")
@@ -152,10 +155,6 @@ def parse_vmd(data: bytes) -> VmdFile:
     ):  # fmt: skip
         parts.counted(what, n_bytes)
     return VmdFile(_bones(keys), _switches(parts))
-
-
-def _first(names: Mapping[bytes, int]) -> str:
-    return repr(next(iter(names)).decode())
 
 
 def _bones(keys: NDArray[np.void]) -> dict[str, BoneKeys]:
@@ -178,9 +177,7 @@ def _bones(keys: NDArray[np.void]) -> dict[str, BoneKeys]:
     return {name: _in_order(keys, pos, quat, np.sort(np.concatenate(rows))) for name, rows in rows_of.items()}
 
 
-def _in_order(
-    keys: NDArray[np.void], pos: NDArray[np.float64], quat: NDArray[np.float64], rows: NDArray[np.int64]
-) -> BoneKeys:
+def _in_order(keys: NDArray[np.void], pos: Floats, quat: Floats, rows: NDArray[np.int64]) -> BoneKeys:
     """The keys of `rows` in the order of frames. The last of several at one frame holds."""
     frames = keys["frame"][rows].astype(np.int64)
     frames, last = np.unique(frames[::-1], return_index=True)
@@ -239,12 +236,12 @@ def vmd_bytes(model: str, bones: Mapping[str, BoneKeys], switched_on: Sequence[s
     return b"".join(parts)
 
 
-def linear_curves(n_keys: int) -> NDArray[np.float64]:
+def linear_curves(n_keys: int) -> Floats:
     """Handles (K, 4, 4) of straight curves, as MikuMikuDance writes them."""
     return np.tile(np.array(_LINEAR) / _LARGEST, (n_keys, 4, 1))
 
 
-def _curve_bytes(curves: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _curve_bytes(curves: Floats) -> NDArray[np.uint8]:
     """The 64 bytes of each key: 16 of x1 of all curves, then y1, x2 and y2, in four rows shifted by one."""
     row = np.rint(curves * _LARGEST).astype(np.uint8).transpose(0, 2, 1).reshape(-1, 16)  # (K, 16)
     padded = np.pad(row, ((0, 0), (0, 3)))
@@ -303,7 +300,7 @@ def standard_body() -> Skeleton:
     """The standard body with Japanese names of joints, in metres."""
     names: list[str] = []
     parents: list[int] = []
-    offsets: list[NDArray[np.float64]] = []
+    offsets: list[Floats] = []
     roles: dict[str, int] = {}
     for name, parent, role, pos in _TRUNK:
         above = names.index(parent) if parent else -1
@@ -324,12 +321,12 @@ def standard_body() -> Skeleton:
     )  # fmt: skip
 
 
-def mirrored(pos: NDArray[np.float64], quat: NDArray[np.float64]) -> tuple[np.ndarray, np.ndarray]:
+def mirrored(pos: Floats, quat: Floats) -> tuple[np.ndarray, np.ndarray]:
     """Positions (..., 3) and rotations (..., 4) from the axes of MikuMikuDance to ours, and back."""
     return pos * np.array([1.0, 1.0, -1.0]), quat * np.array([1.0, -1.0, -1.0, 1.0])
 
 
-def finger_turns(side: str, shares: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+def finger_turns(side: str, shares: Floats) -> dict[str, Floats]:
     """Local rotations (T, 4) of the bones of fingers of a hand, by name, for shares (T, S) of its shapes."""
     angle_rad = -_ARM_RAD if side == "left" else _ARM_RAD
     arm = rot.from_rotvec(np.array([0.0, 0.0, angle_rad]))  # from the T pose to that of the body
@@ -341,9 +338,7 @@ def finger_turns(side: str, shares: NDArray[np.float64]) -> dict[str, NDArray[np
     }
 
 
-def bend_leg(
-    thigh_quat: NDArray[np.float64], hip_pos_m: NDArray[np.float64], target_pos_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bend_leg(thigh_quat: Floats, hip_pos_m: Floats, target_pos_m: Floats) -> tuple[Floats, Floats]:
     """World rotations (T, 4) of the thigh and local ones of the knee that put the ankle on a target (T, 3).
 
     The knee bends about the X axis of the thigh. The thigh turns from `thigh_quat` (T, 4) as little as
@@ -357,50 +352,39 @@ def bend_leg(
     angle = np.arccos(cosine.clip(-1.0, 1.0)) - _angle_about(_X, thigh, shin)  # (T,)
     knee = rot.from_rotvec(angle[:, None] * _X)
     leg = rot.rotate(thigh_quat, thigh + rot.rotate(knee, shin))  # (T, 3) from hip to ankle
-    turn = rot.between(_unit(leg), _unit(to_target))
+    turn = rot.between(rot.unit(leg), rot.unit(to_target))
     return rot.multiply(turn, thigh_quat), knee
 
 
-def hinged_thigh(
-    thigh_quat: NDArray[np.float64], knee_m: NDArray[np.float64], ankle_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def hinged_thigh(thigh_quat: Floats, knee_m: Floats, ankle_m: Floats) -> Floats:
     """World rotations (T, 4) of the thigh, twisted so that its X axis is the axis in which the knee bends.
 
     `knee_m` and `ankle_m` (T, 3) are the bones in the world. An axis cannot be seen in a straight leg, which
     keeps that of `thigh_quat` (T, 4).
     """
-    along = _unit(knee_m)
+    along = rot.unit(knee_m)
     thigh = _leg_bones()[0]
     aligned = rot.multiply(
-        rot.between(rot.rotate(thigh_quat, np.broadcast_to(_unit(thigh), along.shape)), along), thigh_quat
+        rot.between(rot.rotate(thigh_quat, np.broadcast_to(rot.unit(thigh), along.shape)), along),
+        thigh_quat,
     )
     axis = rot.rotate(aligned, np.broadcast_to(_X, along.shape))  # (T, 3)
-    bend = np.cross(along, _unit(ankle_m))
+    bend = np.cross(along, rot.unit(ankle_m))
     sine = np.maximum(np.linalg.norm(bend, axis=-1, keepdims=True), 1e-12)
     forward = ((bend * axis).sum(axis=-1, keepdims=True) / sine).clip(0.0, 1.0)  # 0: the knee bends back
     angle = _angle_about(along, axis, _STRAIGHT * axis + forward * bend)
     return rot.multiply(rot.from_rotvec(angle[:, None] * along), aligned)
 
 
-def _leg_bones() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _leg_bones() -> tuple[Floats, Floats]:
     """Thigh and shin (3,) of both legs in the rest pose, in metres."""
     body = standard_body()
     return body.offsets_m[body.index("左ひざ")], body.offsets_m[body.index("左足首")]
 
 
-def _angle_about(
-    axis: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _angle_about(axis: Floats, first: Floats, second: Floats) -> Floats:
     """Angles (...) in radians from `first` to `second` (..., 3) about `axis`, to which both are normal."""
-    angle: NDArray[np.float64] = np.arctan2(
-        (np.cross(first, second) * axis).sum(axis=-1), (first * second).sum(axis=-1)
-    )
-    return angle
-
-
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    unit: NDArray[np.float64] = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
-    return unit
+    return np.arctan2((np.cross(first, second) * axis).sum(axis=-1), (first * second).sum(axis=-1))
 
 
 # Motions.
@@ -413,7 +397,7 @@ MODEL, DANCE_MODEL = "choreograph", "choreograph: a dance"
 
 # Bones between those of the body, which turn in the same place, in the order in which they apply.
 _TWISTS = {"ひじ": ("腕捩",), "手首": ("手捩",), "肩": ("肩P",)}
-_Transform = tuple[NDArray[np.float64], NDArray[np.float64]]  # positions (T, 3), rotations (T, 4)
+_Transform = tuple[Floats, Floats]  # positions (T, 3), rotations (T, 4)
 
 
 def read(path: Path) -> Iterator[Take]:
@@ -499,7 +483,7 @@ class _Reader:
         pos, quat = mirrored(*keys.sampled(self.frames))
         return pos * UNIT_M, quat
 
-    def _local(self, name: str) -> NDArray[np.float64]:
+    def _local(self, name: str) -> Floats:
         """Rotations (T, 4) of a bone, with those of the bones between it and its parent."""
         quat = self._keys(name)[1]
         for twist in _TWISTS.get(name[1:], ()):
@@ -508,7 +492,7 @@ class _Reader:
             quat = rot.multiply(rot.invert(self._keys(f"{name[0]}肩P")[1]), quat)
         return quat
 
-    def _below(self, parent: _Transform, name: str, offset_m: NDArray[np.float64]) -> _Transform:
+    def _below(self, parent: _Transform, name: str, offset_m: Floats) -> _Transform:
         """The transform of a bone whose rest position is `offset_m` (3,) from that of its parent."""
         pos_m, quat = self._keys(name)
         return parent[0] + rot.rotate(parent[1], pos_m + offset_m), rot.multiply(parent[1], quat)
@@ -522,7 +506,7 @@ class _Reader:
         groove = self._below(centre, "グルーブ", np.zeros(3))
         return self._below(groove, "腰", self.body.offsets_m[0] - CENTRE_POS_M)
 
-    def _bend_leg(self, side: str, waist_m: NDArray[np.float64], local: NDArray[np.float64]) -> None:
+    def _bend_leg(self, side: str, waist_m: Floats, local: Floats) -> None:
         """Move a leg in `local` (T, J, 4) by the IK of its foot, in the frames in which it is on."""
         mark, body = SIDES[side], self.body
         if f"{mark}足IK" not in self.file.bones:
@@ -628,7 +612,7 @@ def _bone_keys(motion: Motion) -> dict[str, BoneKeys]:
     return {name: _dense_keys(*of) for name, of in bones.items()}
 
 
-def _dense_keys(pos_m: NDArray[np.float64], quat: NDArray[np.float64]) -> BoneKeys:
+def _dense_keys(pos_m: Floats, quat: Floats) -> BoneKeys:
     """A key in each frame, or a single one for a bone that does not move."""
     moving = any(bool((values != values[0]).any()) for values in (pos_m, quat))
     n_keys = len(pos_m) if moving else 1

@@ -62,8 +62,7 @@ class BeatClock:
         after = self.steady_beat + (times - self.steady_s) / self.period_s
         share = (times - self.start_s) / (self.steady_s - self.start_s)
         between = self.start_beat + share * (self.steady_beat - self.start_beat)
-        beats: Floats = np.where(share < 0, before, np.where(share > 1, after, between))
-        return beats
+        return np.where(share < 0, before, np.where(share > 1, after, between))
 
     def time_at(self, beats: ArrayLike) -> Floats:
         """The times in the stream at positions (...): inverse of `beat_at`."""
@@ -72,8 +71,7 @@ class BeatClock:
         after = self.steady_s + (given - self.steady_beat) * self.period_s
         share = (given - self.start_beat) / (self.steady_beat - self.start_beat)
         between = self.start_s + share * (self.steady_s - self.start_s)
-        times: Floats = np.where(share < 0, before, np.where(share > 1, after, between))
-        return times
+        return np.where(share < 0, before, np.where(share > 1, after, between))
 
     def number_of(self, beats: ArrayLike) -> np.ndarray:
         """The numbers in the bar, from 1, of whole positions (...), or 0 if bars are not known."""

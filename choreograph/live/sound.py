@@ -137,8 +137,7 @@ class PcmFormat:
                 values = _finite(values)  # before channels are added, which may not be finite then
             else:
                 values /= 2.0 ** (8 * raw.itemsize - 1)
-        mixed: NDArray[np.float32] = values.reshape(-1, self.channels).mean(axis=1, dtype=np.float32)
-        return mixed
+        return values.reshape(-1, self.channels).mean(axis=1, dtype=np.float32)
 
 
 def pcm_blocks(stream: BinaryIO, given: PcmFormat | None) -> Blocks:
@@ -159,8 +158,7 @@ def _read(stream: BinaryIO, given: PcmFormat) -> Blocks:
 
 
 def _finite(block: NDArray[np.float32]) -> NDArray[np.float32]:
-    samples: NDArray[np.float32] = np.clip(np.nan_to_num(block, nan=0.0), -1.0, 1.0)
-    return samples
+    return np.clip(np.nan_to_num(block, nan=0.0), -1.0, 1.0)
 
 
 def read_wav_header(stream: BinaryIO) -> PcmFormat:

@@ -55,34 +55,22 @@ def send_frames(
     """Send each frame when the song is at its time. A frame that is late by a whole frame is skipped.
 
     `send` is called with the frame and the time in the song. Without a number of frames, they go on until
-    `ended`.
-    `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in it,
-    so that errors do not add up.
+    `ended`. `song_s` returns the time in the song, below 0 before it begins. Each frame has its own time in
+    it, so that errors do not add up.
     """
-    with short_collections():
-        return _sent_frames(n_frames, fps, send, song_s, sleep, ended)
-
-
-def _sent_frames(
-    n_frames: int | None,
-    fps: float,
-    send: Callable[[int, float], None],
-    song_s: Callable[[], float],
-    sleep: Callable[[float], None],
-    ended: Callable[[], bool],
-) -> Sent:
     n_sent, n_skipped, latest_s, frame = 0, 0, 0.0, 0
-    while not ended() and (n_frames is None or frame < n_frames):
-        due_s = frame / fps
-        now_s = song_s()
-        if now_s < due_s:
-            sleep(due_s - now_s)
-            continue
-        late = int((now_s - due_s) * fps)
-        if late and (n_frames is None or frame < n_frames - 1):
-            step = late if n_frames is None else min(late, n_frames - 1 - frame)
-            n_skipped, frame = n_skipped + step, frame + step
-            continue
-        send(frame, now_s)
-        n_sent, latest_s, frame = n_sent + 1, max(latest_s, now_s - due_s), frame + 1
+    with short_collections():
+        while not ended() and (n_frames is None or frame < n_frames):
+            due_s = frame / fps
+            now_s = song_s()
+            if now_s < due_s:
+                sleep(due_s - now_s)
+                continue
+            late = int((now_s - due_s) * fps)
+            if late and (n_frames is None or frame < n_frames - 1):
+                step = late if n_frames is None else min(late, n_frames - 1 - frame)
+                n_skipped, frame = n_skipped + step, frame + step
+                continue
+            send(frame, now_s)
+            n_sent, latest_s, frame = n_sent + 1, max(latest_s, now_s - due_s), frame + 1
     return Sent(n_sent, n_skipped, latest_s)

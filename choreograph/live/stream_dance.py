@@ -267,8 +267,7 @@ class Part:
         last = self.motion.n_frames - 1
         still = min(last, round(_STILL_S * FPS))
         back = np.abs((frames - last + still) % (2 * still) - still)  # from 0 to `still` and back
-        danced: Floats = np.where(frames <= last, frames, last - back)
-        return danced
+        return np.where(frames <= last, frames, last - back)
 
 
 class StreamBody:

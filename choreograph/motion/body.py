@@ -62,7 +62,7 @@ def body_indices(skeleton: Skeleton, joints: Sequence[str] = BODY_JOINTS) -> lis
     return indices
 
 
-def body_pos_m(motion: Motion, names: Sequence[str] = BODY_JOINTS) -> NDArray[np.float64]:
+def body_pos_m(motion: Motion, names: Sequence[str] = BODY_JOINTS) -> Floats:
     """World positions of the 21 body joints, or of others (see `body_indices`), (T, 21, 3) in metres."""
     joints = body_indices(motion.skeleton, names)
     pos_m = np.empty((motion.n_frames, len(joints), 3))
@@ -72,7 +72,7 @@ def body_pos_m(motion: Motion, names: Sequence[str] = BODY_JOINTS) -> NDArray[np
     return pos_m
 
 
-def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> NDArray[np.float64]:
+def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> Floats:
     """The positions as float64. Raises `ParameterError` unless finite, (T, 21, 3), and `fps` positive."""
     pos = np.asarray(body_pos_m, np.float64)
     if pos.ndim != 3 or pos.shape[1:] != (len(BODY_JOINTS), 3) or len(pos) == 0:
@@ -84,7 +84,7 @@ def checked_body_pos_m(body_pos_m: NDArray[np.floating], fps: float = 1.0) -> ND
     return pos
 
 
-def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float) -> NDArray[np.float64]:
+def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float) -> Floats:
     """Body positions (T, 21, 3) resampled by cubic splines, (T', 21, 3), without frames after the last one.
 
     Raises `ParameterError` as `checked_body_pos_m` does.
@@ -94,10 +94,9 @@ def body_pos_at(body_pos_m: NDArray[np.floating], fps: float, target_fps: float)
         return pos
     times_s = frame_times_s(len(pos), fps)
     n_frames = int(times_s[-1] * target_fps + 1e-6) + 1
-    pos_m: NDArray[np.float64] = scipy.interpolate.CubicSpline(times_s, pos)(
+    return scipy.interpolate.CubicSpline(times_s, pos)(
         np.minimum(frame_times_s(n_frames, target_fps), times_s[-1])
     )
-    return pos_m
 
 
 def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -105,8 +104,7 @@ def mirrored(body_pos_m: NDArray[np.floating]) -> NDArray[np.floating]:
     order = np.arange(len(BODY_JOINTS))
     for left, right in LEFT_RIGHT:
         order[[left, right]] = right, left
-    mirrored_m: NDArray[np.floating] = body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])
-    return mirrored_m
+    return body_pos_m[..., order, :] * np.array([-1.0, 1.0, 1.0])
 
 
 # Heading and ground position of a body, and poses relative to them (in the root frame).
@@ -125,8 +123,7 @@ def heading_rad(body_pos_m: Floats) -> Floats:
     """
     left, right = (list(side) for side in zip(*_ACROSS, strict=True))
     across = (body_pos_m[..., left, :] - body_pos_m[..., right, :]).sum(axis=-2)  # (..., 3)
-    heading: Floats = np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
-    return heading
+    return np.arctan2(-across[..., 2], across[..., 0])  # left is +X when facing +Z
 
 
 def front_rad(headings_rad: Floats) -> float:
@@ -141,8 +138,7 @@ def front_rad(headings_rad: Floats) -> float:
 
 def ground_pos_m(body_pos_m: Floats) -> Floats:
     """Pelvis position projected on the ground, (..., 3) with Y = 0, of body positions (..., 21, 3)."""
-    ground_m: Floats = body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
-    return ground_m
+    return body_pos_m[..., _PELVIS, :] * np.array([1.0, 0.0, 1.0])
 
 
 def to_root_frame(body_pos_m: Floats, vectors: Floats | None = None) -> Floats:

@@ -135,16 +135,11 @@ def plan_cameras(motions: Sequence[Motion], mode: CameraMode, borders_s: Sequenc
         return CameraPath((dancers.shot("wide", 0.0, dancers.end_s, _KINDS["wide"].yaw_rad),))
     if mode == "follow":
         return CameraPath((dancers.shot("follow", 0.0, dancers.end_s, _KINDS["wide"].yaw_rad),))
-    return CameraPath(_cut(dancers, _edges_s(borders, dancers.end_s)))
-
-
-def _edges_s(borders_s: Floats, end_s: float) -> list[float]:
-    """The start, the borders that leave no shot too short, and the end."""
-    edges = [0.0]
-    for border in borders_s.tolist():
-        if edges[-1] + _SHORTEST_S <= border <= end_s - _SHORTEST_S:
-            edges.append(border)
-    return [*edges, end_s]
+    edges_s = [0.0]
+    for border in borders.tolist():
+        if edges_s[-1] + _SHORTEST_S <= border <= dancers.end_s - _SHORTEST_S:
+            edges_s.append(border)
+    return CameraPath(_cut(dancers, [*edges_s, dancers.end_s]))
 
 
 def _cut(dancers: _Dancers, edges_s: list[float]) -> tuple[Shot, ...]:

@@ -86,7 +86,8 @@ def without_jumps(motion: Motion) -> tuple[Motion, int, tuple[str, ...]]:
             found.add("body")
             continue
         for limb in limbs:
-            turned = _turned_with(limb, limb_of, motion.skeleton)
+            first = joint_roles(motion.skeleton)[limb]
+            turned = [first, *(joint for joint, name in enumerate(limb_of) if name == limb)]
             local_quat[:, turned] = bridged_rotations(local_quat[:, turned], [span])
             found.add(_LIMBS[limb])
     if not jumps:
@@ -102,11 +103,6 @@ def _limb_of_joints(skeleton: Skeleton) -> list[str]:
         parent = int(skeleton.parents[joint])
         limbs.append(names.get(parent, limbs[parent]))
     return limbs
-
-
-def _turned_with(limb: str, limb_of: list[str], skeleton: Skeleton) -> list[int]:
-    """The joints of a limb, first to last."""
-    return [joint_roles(skeleton)[limb], *(joint for joint, name in enumerate(limb_of) if name == limb)]
 
 
 def _jumps(pos_m: Floats, fps: float) -> list[tuple[Span, list[int]]]:
@@ -137,8 +133,7 @@ def _off_path_m(pos_m: Floats, length: int) -> Floats:
     smooth = scipy.interpolate.CubicHermiteSpline([0, length + 1], ends, rates)(np.arange(1, length + 1))
     straight = np.linspace(ends[0], ends[1], length + 2)[1:-1]
     off_m = [np.linalg.norm(windows[2:-2] - path, axis=-1).max(axis=0) for path in (smooth, straight)]
-    nearest_m: Floats = np.minimum(*off_m)
-    return nearest_m
+    return np.minimum(*off_m)
 
 
 # Smoothing of fitted rotations: flips are bridged, and weighted angles are smoothed over time.
@@ -181,5 +176,4 @@ def smoothed_angle(cos: Floats, sin: Floats, smoothing: float) -> Floats:
     bands[1, :-1] += link[1:]
     bands[0, 1:] = -link[1:]
     smooth = scipy.linalg.solveh_banded(bands, np.stack([cos, sin], axis=-1))  # (T, 2)
-    angle: Floats = np.arctan2(smooth[:, 1], smooth[:, 0])
-    return angle
+    return np.arctan2(smooth[:, 1], smooth[:, 0])

@@ -66,8 +66,7 @@ def foot_sole_pos_m(skeleton: Skeleton, pos_m: Floats, global_quat: Floats, side
         else np.percentile(foot_m[..., 1], _LOW_PERCENT, axis=0)
     )
     clearance = heights_m - heights_m.min()  # (F,)
-    sole_m: Floats = foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
-    return sole_m
+    return foot_m - clearance[:, None] * [0.0, 1.0, 0.0]  # (T, F, 3)
 
 
 def estimate_floor_m(foot_pos_m: Floats) -> float:
@@ -92,8 +91,7 @@ def track_floor_m(foot_pos_m: Floats, fps: float) -> Floats:
     lowest = _lowest(foot_pos_m)
     window = max(1, min(round(_WINDOW_S * fps), len(lowest)))
     envelope = scipy.ndimage.percentile_filter(lowest, _LOW_PERCENT * 2, size=window, mode="nearest")
-    floor_m: Floats = scipy.ndimage.gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
-    return floor_m
+    return scipy.ndimage.gaussian_filter1d(envelope, _SMOOTH_S * fps, mode="nearest")
 
 
 def _lowest(foot_pos_m: Floats) -> Floats:
@@ -102,8 +100,7 @@ def _lowest(foot_pos_m: Floats) -> Floats:
         raise ParameterError(f"expected foot points (T, F, 3), got {foot_pos_m.shape}")
     if not np.isfinite(foot_pos_m).all():
         raise ParameterError("expected finite foot positions, got nan or infinity")
-    lowest_m: Floats = foot_pos_m[..., 1].min(axis=1)  # (T,)
-    return lowest_m
+    return foot_pos_m[..., 1].min(axis=1)  # (T,)
 
 
 # Foot contacts with the floor, from the height and speed of the foot joints.
@@ -166,8 +163,7 @@ def step_counts(
     began = (stands[1:] & ~stands[:-1]).sum(axis=1)
     steps = np.concatenate([[0, 0], np.cumsum(began)])[: len(stands) + 1]  # before each frame, and the end
     first = np.clip(start_frames, 0, len(stands))
-    counts: NDArray[np.int64] = steps[np.minimum(first + n_frames, len(stands))] - steps[first]
-    return counts
+    return steps[np.minimum(first + n_frames, len(stands))] - steps[first]
 
 
 # Foot locking: corrections of the legs alone keep feet in contact in place.
@@ -295,8 +291,7 @@ def locking_shift(
     steps = np.einsum("tp,tpi->ti", confidence, np.diff(points_m, axis=0)) * fps**2  # (T-1, 3)
     wanted = np.diff(steps, axis=0, prepend=0.0, append=0.0)  # (T, 3)
     if given_m is None:
-        shift_m: Floats = scipy.linalg.solveh_banded(bands, wanted, lower=True)
-        return shift_m
+        return scipy.linalg.solveh_banded(bands, wanted, lower=True)
     n_given = len(given_m)
     for below in range(1, _ORDER + 1):  # the terms of given shifts in the equations of later frames
         for given in range(max(0, n_given - below), n_given):
@@ -344,8 +339,7 @@ def smooth_cover(amount: Floats, ease: int) -> Floats:
     if not amount.any():
         return amount
     cover = scipy.ndimage.maximum_filter1d(amount, 2 * ease + 1)
-    smooth: Floats = scipy.ndimage.gaussian_filter1d(cover, ease / 2.0, mode="nearest")
-    return smooth
+    return scipy.ndimage.gaussian_filter1d(cover, ease / 2.0, mode="nearest")
 
 
 def move_leg(

@@ -90,15 +90,13 @@ def shape_shares(n_frames: int, fps: float, spans: Sequence[HandSpan]) -> Floats
 
 def thumb_goal(palm: Floats, across: Floats) -> Floats:
     """The direction (3,) to which a thumb bends, from those out of the palm and to the smallest finger."""
-    goal: Floats = (palm + across) / np.linalg.norm(palm + across)
-    return goal
+    return (palm + across) / np.linalg.norm(palm + across)
 
 
 def bend_axis(along: Floats, goal: Floats) -> Floats:
     """The axis (3,) about which a finger with the direction `along` bends towards `goal`."""
     straight = along - (along @ goal) * goal
-    axis: Floats = np.cross(straight / max(float(np.linalg.norm(straight)), 1e-9), goal)
-    return axis
+    return np.cross(straight / max(float(np.linalg.norm(straight)), 1e-9), goal)
 
 
 def finger_quats(side: str, shares: Floats) -> dict[str, Floats]:

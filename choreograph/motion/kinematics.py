@@ -157,8 +157,7 @@ def flexion_rad(start_m: Floats, middle_m: Floats, end_m: Floats, hinge_axis: Fl
     bone = upper / np.maximum(_length(upper), 1e-9)[..., None]
     hinge = _perpendicular(np.broadcast_to(hinge_axis, bone.shape), bone)
     bend = _bend(bone, lower / np.maximum(_length(lower), 1e-9)[..., None])
-    flexion: Floats = np.sum(bend * hinge, axis=-1)
-    return flexion
+    return np.sum(bend * hinge, axis=-1)
 
 
 def _bend(bone: Floats, lower: Floats) -> Floats:
@@ -166,8 +165,7 @@ def _bend(bone: Floats, lower: Floats) -> Floats:
     axis = np.cross(bone, lower)
     sin = _length(axis)
     angle = np.arctan2(sin, np.sum(bone * lower, axis=-1))
-    bend: Floats = axis * (angle / np.maximum(sin, 1e-12))[..., None]
-    return bend
+    return axis * (angle / np.maximum(sin, 1e-12))[..., None]
 
 
 def _resized_bend(bend: Floats, angle: Floats, hinge: Floats) -> Floats:
@@ -204,10 +202,8 @@ def _soft_reach(target: Floats, current: Floats, full: Floats) -> Floats:
 def _perpendicular(vector: Floats, bone: Floats) -> Floats:
     """The unit vector (..., 3) nearest to `vector` at right angles to the unit vector `bone`."""
     across = vector - bone * np.sum(vector * bone, axis=-1, keepdims=True)
-    unit: Floats = across / np.maximum(_length(across), 1e-9)[..., None]
-    return unit
+    return across / np.maximum(_length(across), 1e-9)[..., None]
 
 
 def _length(vector: Floats) -> Floats:
-    length: Floats = np.linalg.norm(vector, axis=-1)
-    return length
+    return np.linalg.norm(vector, axis=-1)

@@ -47,8 +47,7 @@ class Rings:
 
 def smooth_rows(table: Floats, at: Floats) -> Floats:
     """Rows (R, C - 1) interpolated in a table whose first column increases, without overshoot."""
-    rows: Floats = scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(at)
-    return rows
+    return scipy.interpolate.PchipInterpolator(table[:, 0], table[:, 1:])(at)
 
 
 def frames_along(axis: Floats, front: Floats) -> tuple[Floats, Floats]:
@@ -103,7 +102,10 @@ def loft(
     vertices = np.concatenate([points.reshape(-1, 3), poles])  # (R · sides + 2, 3)
     gap_parts = np.asarray(parts)[bands[gaps]] if np.ndim(parts) else np.full(len(gaps), parts)
     piece = MeshPiece(vertices, triangles, rings.joints[ring_of], rings.weights[ring_of], gap_parts)
-    return outside_out(piece)
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    if np.einsum("ij,ij->", a - vertices[0], np.cross(b - a, c - a)) < 0:  # the signed volume: inside out
+        return replace(piece, triangles=triangles[:, ::-1].copy())
+    return piece
 
 
 def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides: int = 14) -> MeshPiece:
@@ -126,14 +128,6 @@ def ellipsoid(centre_m: Floats, axes_m: Floats, joint: int, part: int, *, sides:
     return replace(piece, vertices_m=vertices)
 
 
-def outside_out(piece: MeshPiece) -> MeshPiece:
-    """The piece with triangles counter-clockwise seen from outside, so that its signed volume is positive."""
-    a, b, c = (piece.vertices_m[piece.triangles[:, k]] for k in range(3))
-    if np.einsum("ij,ij->", a - piece.vertices_m[0], np.cross(b - a, c - a)) < 0:
-        return replace(piece, triangles=piece.triangles[:, ::-1].copy())
-    return piece
-
-
 def vertex_normals(vertices_m: Floats, triangles: NDArray[np.int64]) -> Floats:
     """Unit normals (V, 3): the area-weighted sum of the normals of the adjacent triangles."""
     a, b, c = (vertices_m[triangles[:, k]] for k in range(3))
@@ -141,8 +135,7 @@ def vertex_normals(vertices_m: Floats, triangles: NDArray[np.int64]) -> Floats:
     normals = np.zeros_like(vertices_m)
     for k in range(3):
         np.add.at(normals, triangles[:, k], faces)
-    unit: Floats = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return unit
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 def _outward(rings: Rings, end: int) -> Floats:

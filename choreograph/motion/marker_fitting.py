@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, descendants
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.cleaning import bridge_flips, smoothed_angle
@@ -48,18 +48,18 @@ def refine(
     with all its descendants, by a damped Gauss-Newton step.
     """
     pos_m, global_quat = forward(skeleton, root_pos_m, local_quat)
-    descendants = _descendants(skeleton)
+    below = [descendants(skeleton.parents, joint)[1:] for joint in range(skeleton.n_joints)]
     joints = np.array(sorted(targets_m))
     target_m = np.stack([targets_m[joint] for joint in joints], axis=1)  # (T, R, 3)
     for _ in range(sweeps):
         pos_m = pos_m + np.mean(target_m - pos_m[:, joints], axis=1, keepdims=True)
         for joint in refined:
-            is_below = np.isin(joints, descendants[joint])
+            is_below = np.isin(joints, below[joint])
             if not is_below.any():
                 continue
             center = pos_m[:, joint, None]
             step = _gauss_newton_rotation(pos_m[:, joints[is_below]] - center, target_m[:, is_below] - center)
-            moved = descendants[joint]
+            moved = below[joint]
             pos_m[:, moved] = center + rot.rotate(step[:, None], pos_m[:, moved] - center)
             rotated = [joint, *moved]
             global_quat[:, rotated] = rot.multiply(step[:, None], global_quat[:, rotated])
@@ -74,13 +74,6 @@ def _gauss_newton_rotation(current: Floats, target: Floats) -> Floats:
     )  # (T, 3, 3)
     torque = np.cross(current, target).sum(axis=1)  # (T, 3)
     return rot.from_rotvec(np.linalg.solve(inertia + _DAMPING_M2 * eye, torque[..., None])[..., 0])
-
-
-def _descendants(skeleton: Skeleton) -> list[list[int]]:
-    descendants: list[list[int]] = [[] for _ in range(skeleton.n_joints)]
-    for joint in range(skeleton.n_joints - 1, 0, -1):
-        descendants[int(skeleton.parents[joint])] += [joint, *descendants[joint]]
-    return descendants
 
 
 # Fitting of a skeleton to positions of markers or joints over time.
@@ -161,8 +154,7 @@ def fit_error_m(
     pairs = [(column, indices[role]) for column, role in enumerate(roles) if role in indices]
     joint_pos_m, _ = forward(skeleton, root_pos_m, local_quat)  # (T, J, 3)
     columns, joints = np.array(pairs).T
-    error_m: Floats = np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
-    return error_m
+    return np.linalg.norm(joint_pos_m[:, joints] - pos_m[:, columns], axis=-1)
 
 
 @dataclass
@@ -178,10 +170,10 @@ class _Fit:
 
     def __post_init__(self) -> None:
         self.rest_m = self.skeleton.rest_pos_m()  # (J, 3)
-        self.left = _unit(self.rest_m[self.joints["left_hip"]] - self.rest_m[self.joints["right_hip"]])
+        self.left = rot.unit(self.rest_m[self.joints["left_hip"]] - self.rest_m[self.joints["right_hip"]])
         middle = [self._rest_middle("shoulder"), self._rest_middle("hip")]
         up = middle[0] - middle[1]
-        self.up = _unit(up - self.left * (up @ self.left))
+        self.up = rot.unit(up - self.left * (up @ self.left))
         self.front = np.cross(self.left, self.up)
 
     def solve(self) -> tuple[Floats, Floats]:
@@ -205,10 +197,7 @@ class _Fit:
         return self.root_pos_m, rot.make_continuous(to_local(self.skeleton, world))
 
     def _rest_middle(self, part: str) -> Floats:
-        middle_m: Floats = 0.5 * (
-            self.rest_m[self.joints[f"left_{part}"]] + self.rest_m[self.joints[f"right_{part}"]]
-        )
-        return middle_m
+        return 0.5 * (self.rest_m[self.joints[f"left_{part}"]] + self.rest_m[self.joints[f"right_{part}"]])
 
     def _middle(self, part: str) -> Floats:
         return 0.5 * (self.targets[f"left_{part}"] + self.targets[f"right_{part}"])  # (T, 3)
@@ -233,8 +222,7 @@ class _Fit:
         return pos
 
     def _rest_vector(self, source: int, target: int) -> Floats:
-        vector_m: Floats = self.rest_m[target] - self.rest_m[source]
-        return vector_m
+        return self.rest_m[target] - self.rest_m[source]
 
     def _pelvis(self) -> None:
         """Pelvis rotation from the hips and the joint above, and the root position where they fit best."""
@@ -301,7 +289,7 @@ class _Fit:
         if "left_temple" in self.targets and "right_temple" in self.targets:
             across = self.targets["left_temple"] - self.targets["right_temple"]
             neck_left = rot.rotate(self.global_quat[neck], self.left)
-            swing = rot.between(neck_left, _NECK_WEIGHT * neck_left + _unit(across))
+            swing = rot.between(neck_left, _NECK_WEIGHT * neck_left + rot.unit(across))
             self.global_quat[head] = rot.multiply(swing, self.global_quat[neck])
 
     def _arm(self, side: str) -> None:
@@ -345,13 +333,13 @@ class _Fit:
     ) -> None:
         """Swing both bones of a limb to their targets, and twist the upper so that its hinge bends there."""
         swing = self._swing(upper, middle, self.targets[middle_role])
-        bone = _unit(self.targets[middle_role] - self._pos(upper))
-        lower = _unit(self.targets[end_role] - self.targets[middle_role])
+        bone = rot.unit(self.targets[middle_role] - self._pos(upper))
+        lower = rot.unit(self.targets[end_role] - self.targets[middle_role])
         axis = np.cross(bone, lower)  # (T, 3), its length is sin(bend)
         if axis_hint is not None:
-            axis = axis + _FOOT_WEIGHT * _unit(axis_hint)
-        bone_rest = _unit(self._rest_vector(upper, middle))
-        rest_axis = _unit(rest_axis - bone_rest * (rest_axis @ bone_rest))
+            axis = axis + _FOOT_WEIGHT * rot.unit(axis_hint)
+        bone_rest = rot.unit(self._rest_vector(upper, middle))
+        rest_axis = rot.unit(rest_axis - bone_rest * (rest_axis @ bone_rest))
         untwisted = rot.rotate(swing, rest_axis)
         perpendicular = np.cross(bone, untwisted)
         twist = smoothed_angle(
@@ -363,15 +351,10 @@ class _Fit:
         self.global_quat[middle] = self._swing(middle, end, self.targets[end_role])
 
 
-def _unit(vector: Floats) -> Floats:
-    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-9)
-    return unit
-
-
 def _basis(first: Floats, second: Floats) -> Floats:
     """Right-handed orthonormal columns (..., 3, 3): along `first`, then towards `second`."""
-    x = _unit(first)
-    y = _unit(second - x * np.sum(x * second, axis=-1, keepdims=True))
+    x = rot.unit(first)
+    y = rot.unit(second - x * np.sum(x * second, axis=-1, keepdims=True))
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
@@ -404,8 +387,7 @@ class BodyClusters:
         nearest = np.argmin(np.linalg.norm(lengths[:, None] - self.bone_lengths_m, axis=-1), axis=1)  # (T,)
         membership = np.eye(len(self.bone_lengths_m))[nearest]
         membership = scipy.ndimage.gaussian_filter1d(membership, 0.2 * fps, axis=0, mode="nearest")
-        shares: Floats = membership / membership.sum(axis=1, keepdims=True)
-        return shares
+        return membership / membership.sum(axis=1, keepdims=True)
 
 
 def cluster_bodies(pos_m: Floats, roles: Sequence[str], n_bodies: int) -> BodyClusters:
@@ -445,16 +427,14 @@ def resized(pos_m: Floats, size: Floats, floor_m: float) -> Floats:
     steps = np.diff(middle, axis=0) * (0.5 * (size[1:] + size[:-1]))[:, None]
     path = np.concatenate([middle[:1], middle[:1] + np.cumsum(steps, axis=0)])  # (T, 3)
     path[:, 1] = floor_m + (middle[:, 1] - floor_m) * size
-    resized_m: Floats = path[:, None] + (pos_m - middle[:, None]) * size[:, None, None]
-    return resized_m
+    return path[:, None] + (pos_m - middle[:, None]) * size[:, None, None]
 
 
 def _bone_lengths_m(pos_m: Floats, roles: Sequence[str]) -> Floats:
     index = list(roles).index
     pairs = [(f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in _CLUSTERED_BONES]
     vectors = np.stack([pos_m[:, index(a)] - pos_m[:, index(b)] for a, b in pairs], axis=1)
-    lengths_m: Floats = np.linalg.norm(vectors, axis=-1)  # (T, L)
-    return lengths_m
+    return np.linalg.norm(vectors, axis=-1)  # (T, L)
 
 
 def measure_skeleton(pos_m: Floats, roles: Sequence[str]) -> Skeleton:

@@ -22,7 +22,7 @@ from choreograph.core.arguments import (
 from choreograph.core.counts import NO_COUNTS, Counts, Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
-from choreograph.core.numerics import frame_blocks, frame_weights, interpolate_frames
+from choreograph.core.numerics import Floats, frame_blocks, frame_weights, interpolate_frames
 from choreograph.core.progress import counted, one_line
 from choreograph.core.timebase import STORE_FPS, frame_times_s, seconds_to_frames
 from choreograph.motion import rotations as rot
@@ -77,10 +77,10 @@ class Motion:
     skeleton: Skeleton
     """The body that moves, with J joints."""
 
-    root_pos_m: NDArray[np.float64]
+    root_pos_m: Floats
     """(T, 3) position of the root joint in each frame, in metres."""
 
-    local_quat: NDArray[np.float64]
+    local_quat: Floats
     """(T, J, 4) rotation of each joint in its parent's frame, and of the root in the world. Unit quaternions
     `wxyz`."""
 
@@ -120,7 +120,7 @@ class Motion:
         """Length in seconds: frames over rate."""
         return self.n_frames / self.fps
 
-    def joint_pos_m(self) -> NDArray[np.float64]:
+    def joint_pos_m(self) -> Floats:
         """World positions of all joints, (T, J, 3) in metres."""
         return forward(self.skeleton, self.root_pos_m, self.local_quat)[0]
 
@@ -132,7 +132,7 @@ class Motion:
             raise unexpected(f"a frame or more of {self.n_frames} from start to stop", (start, stop))
         return replace(self, root_pos_m=self.root_pos_m[start:stop], local_quat=self.local_quat[start:stop])
 
-    def sampled(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
+    def sampled(self, frames: Floats, *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',), rotations by slerp, clamped to the first and last frame.
 
         Raises `ParameterError` unless there is a frame or more, all are finite, and the rate is above 0.
@@ -145,7 +145,7 @@ class Motion:
         root = interpolate_frames(self.root_pos_m, frames)
         return Motion(self.skeleton, root, rot.make_continuous(quat, out=quat), fps)
 
-    def sampled_smooth(self, frames: NDArray[np.float64], *, fps: float | None = None) -> Motion:
+    def sampled_smooth(self, frames: Floats, *, fps: float | None = None) -> Motion:
         """The poses at fractional `frames` (T',) by cubic splines, clamped to the first and last frame.
 
         Slerp (`sampled`) has corners at the source frames, which are visible as jerk when motion at 25 fps is
@@ -194,7 +194,7 @@ class Motion:
         return replace(self, root_pos_m=root, local_quat=rot.make_continuous(quat))
 
 
-def _as_frames(frames: object) -> NDArray[np.float64]:
+def _as_frames(frames: object) -> Floats:
     """Fractional frames (T',) to sample. Raises `ParameterError` if there is none or one is not finite."""
     array = as_floats("frames", frames)
     if array.ndim != 1 or not array.size or not np.isfinite(array).all():

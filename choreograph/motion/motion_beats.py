@@ -22,7 +22,7 @@ MIN_PROMINENCE_M_S = 1e-3  # at any speed of the motion
 MIN_PROMINENCE = 0.03  # of the median speed. Shallower minima are tremor and sampling noise
 
 
-def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> Floats:
     """Mean world speed of the joints in m/s, (T,), of positions (T, J, 3), with root motion."""
     pos = np.asarray(body_pos_m, np.float64)
     if pos.ndim != 3 or pos.shape[2] != 3:
@@ -43,7 +43,7 @@ def mean_joint_speed_m_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArra
     return speed_m_s
 
 
-def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> Floats:
     """Times of the motion beats in seconds, increasing (Q,), of positions (T, J, 3).
 
     They are best computed at 60 fps. At 20 fps, about one shallow beat in eight is missed.
@@ -52,7 +52,7 @@ def motion_beat_times_s(body_pos_m: NDArray[np.floating], fps: float) -> NDArray
     return frames_to_seconds(speed_minima(speed, fps), fps)
 
 
-def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.float64]:
+def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> Floats:
     """Fractional frames of the motion beats of a speed curve (T,), increasing (Q,).
 
     They are local minima, found by scipy's find_peaks as in the paper (ChoreoGraph, section 3.1). Minima
@@ -65,11 +65,10 @@ def speed_minima(speed_m_s: NDArray[np.floating], fps: float) -> NDArray[np.floa
     distance = max(1, round(MIN_GAP_S * fps))
     prominence = max(MIN_PROMINENCE * float(np.median(speed)), MIN_PROMINENCE_M_S)
     frames, _ = scipy.signal.find_peaks(-speed, distance=distance, prominence=prominence)
-    minima: NDArray[np.float64] = frames + _vertex_offset(speed, frames)
-    return minima
+    return frames + _vertex_offset(speed, frames)
 
 
-def _vertex_offset(speed: NDArray[np.float64], frames: NDArray[np.integer]) -> NDArray[np.float64]:
+def _vertex_offset(speed: Floats, frames: NDArray[np.integer]) -> Floats:
     """Offset in (-0.5, 0.5) of the vertex of the parabola through each minimum and its neighbours."""
     before, here, after = speed[frames - 1], speed[frames], speed[frames + 1]
     bend = before - 2 * here + after

@@ -331,16 +331,14 @@ def leg_length_m(skeleton: Skeleton) -> float:
 
 
 def _unit(vector: Floats) -> Floats:
-    unit: Floats = vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
-    return unit
+    return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
 
 
 def _mean_rotation(quat: Floats) -> Floats:
     """Mean rotation (4,) of rotations (T, 4)."""
-    mean: Floats = (
+    return (
         scipy.spatial.transform.Rotation.from_quat(quat, scalar_first=True).mean().as_quat(scalar_first=True)
     )
-    return mean
 
 
 def _alignment(source: list[Floats], target: list[Floats], weights: list[float] | None = None) -> Floats:
@@ -348,8 +346,7 @@ def _alignment(source: list[Floats], target: list[Floats], weights: list[float] 
     rotation, _ = scipy.spatial.transform.Rotation.align_vectors(
         np.array(target), np.array(source), weights=weights
     )
-    quat: Floats = rotation.as_quat(scalar_first=True)
-    return quat
+    return rotation.as_quat(scalar_first=True)
 
 
 # The bind pose of the mannequin: a skeleton that stands upright in any rest pose, and its measures.
@@ -434,7 +431,8 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
     turns = np.tile(rot.IDENTITY, (skeleton.n_joints, 1))
     for joint in range(skeleton.n_joints):
         if joint in bones:
-            lying, upright = (_units(np.array(ends)) for ends in zip(*bones[joint], strict=True))
+            ends = np.swapaxes(bones[joint], 0, 1)  # (2, N, 3)
+            lying, upright = ends / np.linalg.norm(ends, axis=-1, keepdims=True)
             if np.linalg.matrix_rank(lying, tol=_SPREAD) < 2:  # only the most upright bone is informative
                 main = int(np.argmax(np.abs(upright[:, 1])))
                 turns[joint] = rot.between(lying[main], upright[main])
@@ -445,11 +443,6 @@ def _turns_from_bones(skeleton: Skeleton) -> Floats:
         elif joint:
             turns[joint] = turns[skeleton.parents[joint]]
     return turns
-
-
-def _units(vectors: Floats) -> Floats:
-    unit: Floats = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -467,8 +460,7 @@ class Body:
 
     def place(self, role: str) -> Floats:
         """Position (3,) of the joint of a role, metres."""
-        place_m: Floats = self.pos_m[self.roles[role]]
-        return place_m
+        return self.pos_m[self.roles[role]]
 
     def middle(self, part: str) -> Floats:
         """Midpoint (3,) of the left and the right joint of a part, metres."""

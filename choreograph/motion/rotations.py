@@ -132,8 +132,7 @@ def from_matrix(matrix: Floats) -> Floats:
     flat = scipy.spatial.transform.Rotation.from_matrix(np.reshape(matrix, (-1, 3, 3))).as_quat(
         scalar_first=True
     )
-    quat: Floats = flat.reshape(*matrix.shape[:-2], 4)
-    return quat
+    return flat.reshape(*matrix.shape[:-2], 4)
 
 
 def to_matrix(quat: Floats) -> Floats:
@@ -141,15 +140,18 @@ def to_matrix(quat: Floats) -> Floats:
     flat = scipy.spatial.transform.Rotation.from_quat(
         np.reshape(quat, (-1, 4)), scalar_first=True
     ).as_matrix()
-    matrix: Floats = flat.reshape(*quat.shape[:-1], 3, 3)
-    return matrix
+    return flat.reshape(*quat.shape[:-1], 3, 3)
+
+
+def unit(vectors: Floats) -> Floats:
+    """Vectors (..., 3) of length 1. Those shorter than 1e-9 stay short."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-9)
 
 
 def from_euler(order: str, angles: Floats) -> Floats:
     """Quaternions (..., 4) of intrinsic Euler angles (..., 3) in radians, in an order such as "ZXY"."""
     flat = scipy.spatial.transform.Rotation.from_euler(order.upper(), np.reshape(angles, (-1, len(order))))
-    quat: Floats = flat.as_quat(scalar_first=True).reshape(*angles.shape[:-1], 4)
-    return quat
+    return flat.as_quat(scalar_first=True).reshape(*angles.shape[:-1], 4)
 
 
 def to_euler(order: str, quat: Floats) -> Floats:

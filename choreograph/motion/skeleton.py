@@ -19,6 +19,7 @@ from choreograph.core.arguments import (
     unexpected,
 )
 from choreograph.core.errors import ParameterError
+from choreograph.core.numerics import Floats
 from choreograph.core.progress import counted
 
 CANONICAL_JOINTS = (
@@ -68,14 +69,14 @@ class Skeleton:
     parents: NDArray[np.int64]
     """(J,) index of each joint's parent, -1 for the root. Parents come before their children."""
 
-    offsets_m: NDArray[np.float64]
+    offsets_m: Floats
     """(J, 3) offset of each joint from its parent in the rest pose, in metres. The root's is its rest
     position."""
 
     tip_parents: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     """(E,) joint of each end site. End sites are ends of bones without channels, as in BVH."""
 
-    tips_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    tips_m: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     """(E, 3) offset of each end site from its joint, in metres."""
 
     roles: Mapping[str, int] | None = field(default=None, kw_only=True)
@@ -177,7 +178,7 @@ class Skeleton:
             numbers[joint] = CANONICAL_JOINTS.index(role)
         return numbers
 
-    def rest_pos_m(self) -> NDArray[np.float64]:
+    def rest_pos_m(self) -> Floats:
         """Joint positions of the rest pose with the root at its rest position, (J, 3)."""
         pos = np.array(self.offsets_m)
         for joint in range(1, self.n_joints):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats
+from choreograph.core.numerics import Floats, descendants
 from choreograph.motion import rotations as rot
 from choreograph.motion.mannequin import (
     MeshPiece,
@@ -61,6 +61,7 @@ _OUTFITS = (
 )  # fmt: skip
 _THICKEST_EXTRA_M = 0.010  # bones that belong to no known body part, on a 1.70 m body
 _SHORTEST_BONE_M = 0.01  # a shorter one is not drawn
+_FINGER_JOINTS = 4  # without a role below a wrist: a hand with so many has fingers of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +116,14 @@ def build_mannequin(skeleton: Skeleton, motion: Motion | None = None) -> Skinned
         *head(body, part["head"], part["hair"]),
     ]
     for side in ("left", "right"):
-        own_fingers = _has_fingers(skeleton, body.roles[f"{side}_wrist"], covered)
+        below = set(descendants(skeleton.parents, body.roles[f"{side}_wrist"]))
+        own_fingers = len(below - covered) >= _FINGER_JOINTS
         pieces += arm(body, side, part[f"{side}_arm"], part["torso"])
         pieces += leg(body, side, part[f"{side}_leg"], part["pelvis"])
         pieces += hand(body, side, part[f"{side}_hand"], fingers=not own_fingers)
         pieces.append(shoe(body, side, part[f"{side}_shoe"]))
     pieces += _extra_bones(skeleton, body.bind_pos_m, body.bind_quat, covered, _THICKEST_EXTRA_M * body.scale)
     return _merged_mesh(pieces, body.bind_pos_m, body.bind_quat)
-
-
-def _has_fingers(skeleton: Skeleton, wrist: int, covered: set[int]) -> bool:
-    """Whether at least four joints without a role are below the wrist."""
-    below = {wrist}
-    for joint in range(wrist + 1, skeleton.n_joints):
-        if int(skeleton.parents[joint]) in below:
-            below.add(joint)
-    return len(below - covered) >= 4
 
 
 def _covered(skeleton: Skeleton, roles: dict[str, int]) -> set[int]:

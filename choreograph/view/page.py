@@ -346,7 +346,9 @@ def write_page(
     """
     path = check_target(path)
     check_apart([path], [] if song_path is None else [song_path])
-    beats_s = _checked_beats(motion_beats_s)
+    beats_s = np.asarray(motion_beats_s, np.float64)
+    if beats_s.ndim != 1 or not np.isfinite(beats_s).all() or (np.diff(beats_s) < 0).any():
+        raise ParameterError("expected increasing finite motion_beats_s (Q,) in seconds")
     duration_s = _checked_duration(motion, plan, duration_s)
     start_s = plan.start_s if start_s is None else start_s
     if character is None:
@@ -382,11 +384,13 @@ def dance_facts(
 
     `motion_beats_s` (Q,) are times in the dance.
     """
+    numbered = zip(plan.music_beats_s, plan.music_beat_numbers, strict=False)
     return {
         "title": title,
         "duration_s": round(duration_s, 6),
         "music_beats_s": _rounded(plan.music_beats_s, duration_s),
-        "music_beat_numbers": _shown_numbers(plan, duration_s),
+        # None if bars are not known.
+        "music_beat_numbers": [number for time, number in numbered if 0 <= time <= duration_s],
         "metre": plan.metre,
         "motion_beats_s": _rounded(motion_beats_s, duration_s),
         **_sources(plan, duration_s),
@@ -405,13 +409,6 @@ def camera_facts(camera: CameraPath) -> list[dict[str, Any]]:
         }
         for shot in camera.shots
     ]
-
-
-def _checked_beats(motion_beats_s: Sequence[float] | NDArray[np.floating]) -> NDArray[np.float64]:
-    beats_s = np.asarray(motion_beats_s, np.float64)
-    if beats_s.ndim != 1 or not np.isfinite(beats_s).all() or (np.diff(beats_s) < 0).any():
-        raise ParameterError("expected increasing finite motion_beats_s (Q,) in seconds")
-    return beats_s
 
 
 def _checked_duration(motion: Motion, plan: Plan, duration_s: float | None) -> float:
@@ -444,12 +441,6 @@ def _sound(
 
 def _rounded(times_s: Sequence[float] | NDArray[np.floating], duration_s: float) -> list[float]:
     return [round(float(time), 4) for time in times_s if 0 <= time <= duration_s]
-
-
-def _shown_numbers(plan: Plan, duration_s: float) -> list[int]:
-    """Numbers in the bar of the beats that are shown, none if bars are not known."""
-    numbers = zip(plan.music_beats_s, plan.music_beat_numbers, strict=False)
-    return [number for time, number in numbers if 0 <= time <= duration_s]
 
 
 def _sources(plan: Plan, duration_s: float) -> dict[str, Any]:

@@ -124,8 +124,7 @@ def _bilinear(image: F32, x: np.float32, y: np.float32) -> np.float32:  # pragma
     wx, wy = x - np.float32(ix), y - np.float32(iy)
     low = image[iy, ix] + (image[iy, ix + 1] - image[iy, ix]) * wx
     high = image[iy + 1, ix] + (image[iy + 1, ix + 1] - image[iy + 1, ix]) * wx
-    value: np.float32 = low + (high - low) * wy
-    return value
+    return low + (high - low) * wy
 
 
 @njit(nogil=True, error_model="numpy", fastmath=True)

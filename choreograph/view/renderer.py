@@ -119,8 +119,7 @@ def render_pose(
     kernels.paint_backdrop(image, eye, axes, focal, sky, floor, shade, origin)
     screen = projected(points, eye, axes, focal * kernels.GRID, (width * kernels.GRID, height * kernels.GRID))
     _draw_mesh(image, mesh, (screen, points, normals), eye, lights, light)
-    pixels: Pixels = kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)
-    return pixels
+    return kernels.to_srgb(image, _srgb_table(), _THRESHOLDS)
 
 
 def skinned(mesh: SkinnedMesh, matrices: F32) -> tuple[F32, F32]:

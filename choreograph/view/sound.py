@@ -101,8 +101,7 @@ def _mixed(block: NDArray[np.float32], n_channels: int) -> NDArray[np.float32]:
     if block.shape[1] <= 2:
         return block
     rest = block[:, 2:].mean(axis=1, keepdims=True)
-    mixed: NDArray[np.float32] = (0.6 * block[:, :n_channels] + 0.4 * rest).astype(np.float32)
-    return mixed
+    return (0.6 * block[:, :n_channels] + 0.4 * rest).astype(np.float32)
 
 
 @dataclass

@@ -9,6 +9,7 @@ from __future__ import annotations
 import colorsys
 import logging
 import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -228,7 +229,12 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     which is logged. Raises `ParameterError` if matplotlib is missing or the folder cannot be created,
     `RepertoireError` if the repertoire has no motion words.
     """
-    _expect_matplotlib()
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ParameterError(
+            "expected matplotlib for plots, found none: install the extra 'plots'"
+        ) from error
     folder, vocabulary = Path(folder), repertoire.vocabulary
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -241,7 +247,8 @@ def write_motif_plots(folder: str | Path, repertoire: Repertoire) -> list[Path]:
     one_genre = {genre: takes for genre, takes in dances.items() if takes and genre != ALL_GENRES}
     dances = one_genre or {ALL_GENRES: dances[ALL_GENRES]}
     motifs = range(min(STRIPS, vocabulary.n_motifs))
-    usual = [f"{kind}-{_file_name(genre)}.png" for genre in dances for kind in ("signature", "transitions")]
+    names_of = [re.sub(r"[^\w-]", "_", genre[:_NAME_CHARACTERS]) for genre in dances]
+    usual = [f"{kind}-{name}.png" for name in names_of for kind in ("signature", "transitions")]
     usual += ["distance-over-time.png", *(f"motif-{motif:03d}.png" for motif in motifs)]
     written = free_names((folder / name for name in usual), _is_of_another_program)
     if written[0].name != usual[0]:
@@ -341,19 +348,6 @@ def _shown(repertoire: Repertoire, word: int) -> ShownWord:
     start_s, end_s = float(vocabulary.word_start_s[word]), float(vocabulary.word_end_s[word])
     motion, first_s = repertoire.motion(take, start_s, end_s)
     return ShownWord(repertoire.takes[take].name, motion, start_s - first_s, end_s - first_s)
-
-
-def _file_name(genre: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in genre[:_NAME_CHARACTERS])
-
-
-def _expect_matplotlib() -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise ParameterError(
-            "expected matplotlib for plots, found none: install the extra 'plots'"
-        ) from error
 
 
 def _figure(width: float, height: float) -> Figure:
