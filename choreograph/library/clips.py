@@ -50,14 +50,29 @@ _RANGES = tuple(f"{part}_{end}" for part in _PARTS for end in ("start", "stop"))
 class TakeInfo:
     """A take of a repertoire. Ranges are indices of the file's flat arrays."""
 
-    name: str  # unique in the file
-    song_name: str  # the same for all takes of a song, or empty without music
+    name: str
+    """Its name, unique in the file."""
+
+    song_name: str
+    """Name of the song, the same for all takes of a song, or empty without music."""
+
     credits: Credits
-    fps: float  # rate of the stored motion
-    motion: tuple[int, int]  # rows of the stored motion, the first and the one after the last
-    body: tuple[int, int]  # rows of the body positions at 20 fps
-    beats: tuple[int, int]  # rows of the motion beats
-    notes: str  # on what was unusual in its files
+    """Genre, performer, licence and source."""
+
+    fps: float
+    """Frames per second of the stored motion."""
+
+    motion: tuple[int, int]
+    """Rows of the stored motion: the first one, and the one after the last."""
+
+    body: tuple[int, int]
+    """Rows of the body positions at 20 fps: the first one, and the one after the last."""
+
+    beats: tuple[int, int]
+    """Rows of the motion beats: the first one, and the one after the last."""
+
+    notes: str
+    """What was unusual in its files."""
 
     @property
     def duration_s(self) -> float:

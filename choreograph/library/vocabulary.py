@@ -223,9 +223,14 @@ _CHUNK = 4096  # words per block of distances
 class Motifs:
     """The motifs of a repertoire: the medoid of every cluster of words."""
 
-    embeddings: NDArray[np.float32]  # (K, D) of the medoids
-    words: Indices  # (K,) index of each medoid among the words, or of the nearest one if it was removed
-    counts: Indices  # (K,) words in each cluster, at least 1
+    embeddings: NDArray[np.float32]
+    """(K, D) embedding of each medoid, in metres of joint distance."""
+
+    words: Indices
+    """(K,) index of each medoid among the words, or of the nearest word if it was removed."""
+
+    counts: Indices
+    """(K,) number of words in each cluster, at least 1."""
 
     def __len__(self) -> int:
         return len(self.words)
@@ -445,14 +450,30 @@ class Vocabulary:
     Words are ordered by take, then by time. Within a take, each begins where the one before it ends.
     """
 
-    motifs: Motifs  # K, the most frequent first where they were found. `words` are indices of those below
-    word_take: Indices  # (N,) index of the word's take
-    word_start_s: Floats  # (N,) in its take
-    word_end_s: Floats  # (N,)
-    word_motif: Indices  # (N,)
-    genres: tuple[str, ...]  # G names, sorted, and last `ALL_GENRES`
-    signatures: Floats  # (G, K) templates
-    transitions: Floats | GenreTransitions  # (G, K, K) row i: probabilities of the motif after motif i
+    motifs: Motifs
+    """The K motifs, the most frequent first where they were found. Their `words` are indices of the words
+    here."""
+
+    word_take: Indices
+    """(N,) index of each word's take."""
+
+    word_start_s: Floats
+    """(N,) when each word begins in its take, in seconds."""
+
+    word_end_s: Floats
+    """(N,) when each word ends in its take, in seconds."""
+
+    word_motif: Indices
+    """(N,) motif of each word."""
+
+    genres: tuple[str, ...]
+    """G names, sorted, and last `ALL_GENRES`."""
+
+    signatures: Floats
+    """(G, K) template of each genre."""
+
+    transitions: Floats | GenreTransitions
+    """(G, K, K) probabilities. Row i of a genre is of the motif after motif i."""
 
     @property
     def n_motifs(self) -> int:
