@@ -71,6 +71,7 @@ class PointerConfig:
     break_cost: float = 12.0  # nats, of a change to any tempo, metre and number
     observations_per_s: float = 4.0  # neighbouring frames have similar errors: so many count in a second
     grid_fps: float = 120.0  # of the grid of the path's beats. Time grows with its square
+    frames_at_once: int = 4096  # of the grid, after which the beginning that all paths share is found
 
     def __post_init__(self) -> None:
         low, high = self.bpm
@@ -120,7 +121,7 @@ def decode_counts(
     first, last = (round(60.0 * config.grid_fps / bpm) for bpm in reversed(config.bpm))
     bounds, states = best_bar_sequence(
         weight * beat, weight * bar, weight * metre_gain, first, last - first + 1, column, number,
-        np.array(curves.metres), 0.5 / config.tempo_std**2, config.break_cost,
+        np.array(curves.metres), 0.5 / config.tempo_std**2, config.break_cost, config.frames_at_once,
     )  # fmt: skip
     bounds_s = frames_to_seconds(bounds, config.grid_fps)  # (Q + 1,) the first at or before 0
     metres = np.array(curves.metres)[column[states]]
@@ -244,6 +245,7 @@ def best_bar_sequence(
     metres: Indices,
     change_cost: float,
     break_cost: float,
+    frames_at_once: int,
 ) -> tuple[Indices, Indices]:
     """The beats, and their numbers in the bar, of the path with the highest score over all frames.
 
@@ -251,7 +253,8 @@ def best_bar_sequence(
     scores its frames' agreement with phases that run evenly through it: Σ beat · u(φ) + bar · u((number - 1 +
     φ) / metre) + metre_gain, with u the unit vector of a phase in turns. The next interval may differ in
     length at `change_cost` times its squared relative change, the first half frame free because the frame
-    grid forces it, and has the next number. For `break_cost`, it may have any length and any number.
+    grid forces it, and has the next number. For `break_cost`, it may have any length and any number. The
+    beginning that all paths share is found every `frames_at_once` frames, and the paths to it are dropped.
 
     Shapes are beat (T, 2), bar (T, M, 2), metre_gain (T, M) and metres (M,). state_metre (S,) is the column
     of each state's metre, and state_number (S,) its number. Returns the bounds of the intervals (Q + 1,),
@@ -271,8 +274,8 @@ def best_bar_sequence(
     turns, newest = _phase_steps(first_period, n_periods, metres)
     reach = float(np.sqrt(break_cost / change_cost))  # relative change beyond which a break is cheaper
     paths = _Paths(first_period, n_states, depth)
-    for first in range(1, n_ends, _BLOCK):
-        came_from = np.empty((min(_BLOCK, n_ends - first), n_periods, n_states), np.int32)
+    for first in range(1, n_ends, frames_at_once):
+        came_from = np.empty((min(frames_at_once, n_ends - first), n_periods, n_states), np.int32)
         _extend_paths(
             first, vectors, metre_gain, turns, newest, first_period, state_metre, turn, previous, reach,
             change_cost, break_cost, sums, metre_sums, scores, best_score, best_place, came_from,
@@ -284,9 +287,6 @@ def best_bar_sequence(
     begin = intervals[0][0] - first_period - intervals[0][1] // n_states
     bounds = [begin, *(frame for frame, _ in intervals)]
     return np.array(bounds, np.int64), np.array([place % n_states for _, place in intervals], np.int64)
-
-
-_BLOCK = 4096  # frames after which the beginning that all paths share is found
 
 
 class _Paths:

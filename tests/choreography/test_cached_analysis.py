@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ import choreograph as cg
 from choreograph.choreography import song_analysis
 from choreograph.choreography.graph import engine
 from choreograph.choreography.song_analysis import analyse_song
+from choreograph.core.cache import DiskCache
 from choreograph.music import song as song_module
 from choreograph.music.song import cached_song, load_song
 from choreograph.nets.inference import WordEmbedder
@@ -177,7 +178,7 @@ def test_the_entries_used_last_are_kept_within_the_bound(cache, made, monkeypatc
         os.utime(max(cache.iterdir(), key=lambda path: path.stat().st_mtime_ns), (number, number))
     analyse_song(songs[0], STARTER, keep=True)  # the oldest, used now
     size = max(path.stat().st_size for path in cache.iterdir())
-    monkeypatch.setattr(song_analysis, "_MAX_BYTES", 3 * size + 99)
+    monkeypatch.setattr(song_analysis, "analyses_cache", lambda: DiskCache.of_user("analyses", 3 * size + 99))
     analyse_song(songs[3], STARTER, keep=True)
     assert len(list(cache.iterdir())) == 3 and len(made) == 4
     for song, n_made in ((songs[0], 4), (songs[2], 4), (songs[3], 4), (songs[1], 5)):
@@ -232,11 +233,11 @@ def embedded(monkeypatch):
     return calls
 
 
-def looked_up(n_spans=600):
-    """Motifs of spans of takes of the built-in repertoire, which is opened again."""
-    repertoire = cg.Repertoire.open(STARTER.path)
+def looked_up(n_spans=600, path=STARTER.path, **options):
+    """Motifs of spans of takes of a repertoire, by default the built-in one, which is opened again."""
+    repertoire = cg.Repertoire.open(path)
     take, start_s = np.divmod(np.arange(n_spans), 200)
-    with engine.cached_spans(repertoire) as spans:
+    with engine.cached_spans(repertoire, **options) as spans:
         return spans.motifs_of(take, start_s / 10, start_s / 10 + 0.5), repertoire
 
 
@@ -259,18 +260,19 @@ def test_few_new_spans_are_not_written_and_many_are_added(motifs_cache, embedded
     assert not embedded
 
 
-def test_no_more_spans_than_the_bound_are_written(motifs_cache, monkeypatch):
-    monkeypatch.setattr(engine, "_MOST_SPANS", 599)
-    looked_up()
+def test_no_more_spans_than_the_bound_are_written(motifs_cache):
+    looked_up(most_spans=599)
     assert not list(motifs_cache.iterdir())
 
 
-def test_spans_of_a_file_that_was_changed_are_looked_up_again(motifs_cache, embedded):
-    looked_up()
+def test_spans_of_a_file_that_was_changed_are_looked_up_again(motifs_cache, embedded, tmp_path):
+    path = shutil.copy(STARTER.path, tmp_path / "rep.h5")
+    looked_up(path=path)
     embedded.clear()
-    state = engine._state(STARTER.path)
-    with mock.patch.object(engine, "_state", return_value=(state[0] + 1, state[1])):
-        looked_up()
+    looked_up(path=path)
+    assert not embedded
+    os.utime(path, (0, 0))
+    looked_up(path=path)
     assert sum(embedded) >= 600
 
 

@@ -392,8 +392,10 @@ def make_layers(
 
 
 @contextmanager
-def cached_spans(repertoire: Repertoire) -> Iterator[SpanMotifLookup]:
+def cached_spans(repertoire: Repertoire, *, most_spans: int = _MOST_SPANS) -> Iterator[SpanMotifLookup]:
     """The motifs of spans of takes, with those of the user's cache, to which many new ones are added.
+
+    None are written if there are more than `most_spans`.
 
     Most spans of two dances are the same. The key is that of the files' state, their motifs and the network.
     """
@@ -406,7 +408,7 @@ def cached_spans(repertoire: Repertoire) -> Iterator[SpanMotifLookup]:
         spans.add(*known)
     n_known = len(spans.known[0])
     yield spans
-    if n_known + _FEWEST_NEW <= len(spans.known[0]) <= _MOST_SPANS:
+    if n_known + _FEWEST_NEW <= len(spans.known[0]) <= most_spans:
         cache.write(key, spans.known)
 
 
