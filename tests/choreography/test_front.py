@@ -6,31 +6,42 @@ import numpy as np
 import pytest
 
 import choreograph as cg
-from choreograph.choreography.graph import engine
 from choreograph.choreography.mixer import engine as mixer
 from choreograph.choreography.mixer.words import SEARCHES, CandidatePool, Candidates, search_words
 from choreograph.evaluation.metrics import front
 from choreograph.motion.body import body_pos_m
 
 
+class PathRecorder(cg.Cost):
+    """Costs nothing, and keeps the nodes of the path, whose costs are computed last."""
+
+    of_path = True
+
+    def __init__(self) -> None:
+        self.nodes = {}
+
+    def edge(self, previous, next, song_features):
+        if previous.n_nodes == next.n_nodes == 1:
+            self.nodes |= {previous.second: previous, next.second: next}
+        return np.zeros((previous.n_nodes, next.n_nodes))
+
+
 @pytest.fixture(scope="module")
 def danced():
-    """A dance to a waltz that faces the audience, with its path."""
-    paths, plan_path = [], engine._plan_path
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(engine, "_plan_path", lambda *given: paths.append(plan_path(*given)) or paths[0])
-        dance = cg.dance(cg.example_songs()["waltz"], duration_s=16, front="audience", seed=2)
-    return dance, paths[0]
+    """A dance to a waltz that faces the audience, with the nodes of its path."""
+    path = PathRecorder()
+    dance = cg.dance(cg.example_songs()["waltz"], duration_s=16, front="audience", seed=2, costs=[path])
+    return dance, [path.nodes[second] for second in range(16)]
 
 
 def test_the_planned_heading_is_that_of_the_dance(danced):
     dance, path = danced
-    planned_rad = np.array([node.turn_rad[0] + node.heading_rad[0, 10] for node in path.nodes])
+    planned_rad = np.array([node.turn_rad[0] + node.heading_rad[0, 10] for node in path])
     middles = np.round((np.arange(len(planned_rad)) + 0.5) * dance.motion.fps).astype(np.int64)
     headings_rad = front.heading_rad(body_pos_m(dance.motion))[middles]
     inside = slice(2, -2)  # the dance is not at full speed at its ends
     off_rad = np.abs(np.angle(np.exp(1j * (headings_rad - planned_rad))))[inside]
-    assert len({node.take[0] for node in path.nodes}) > 1
+    assert len({node.take[0] for node in path}) > 1
     assert np.median(off_rad) < 0.2
     assert off_rad.max() < 0.6
 

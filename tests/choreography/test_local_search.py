@@ -11,6 +11,7 @@ from synthetic_layers import random_source
 import choreograph as cg
 from choreograph.choreography.graph import local_search
 from choreograph.choreography.graph.cost import Cost, WeightedCost, allowed_nodes
+from choreograph.choreography.graph.costs import Transition, Velocity
 from choreograph.choreography.graph.kernels import arrays_of
 from choreograph.choreography.graph.local_search import CheapNodes, _Noise, cheapest, including
 from choreograph.choreography.graph.motif_costs import Signature
@@ -180,19 +181,39 @@ def test_a_cost_of_the_path_without_a_lower_bound_has_no_bound():
     )
 
 
+class Nothing(cg.Cost):
+    """A cost of others that is 0. It could read poses."""
+
+    of_path = True
+
+    def edge(self, previous, next, song_features):
+        return np.zeros((previous.n_nodes, next.n_nodes))
+
+
+class Low(cg.Cost):
+    of_path = True
+
+    def edge(self, previous, next, song_features):
+        return np.broadcast_to(next.last_pose_m[:, 0, 1], (previous.n_nodes, next.n_nodes))
+
+
+def planned(source, song_features, *costs):
+    path = plan_exact(source, [WeightedCost(cost, 1.0) for cost in costs], song_features)
+    return [(int(node.segment[0]), int(node.offset[0])) for node in path.nodes]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("n_cheap", [3, 128])
-def test_without_poses_the_dance_is_the_same(n_cheap, monkeypatch):
-    """With three nodes a second, the path of the search has others, for which edges are evaluated again."""
+def test_without_poses_the_path_is_the_same(n_cheap, monkeypatch):
+    """Nodes of a dance of ten minutes are kept without poses, unless a cost of others may read them.
+
+    With three nodes a second, the path of the search has others, for which edges are evaluated again.
+    """
     monkeypatch.setattr(local_search, "N_CHEAP", n_cheap)
-    song, arguments = cg.example_songs()["house"], {"duration_s": 12.0, "seed": 2}
-    plan = cg.dance(song, **arguments).plan
-    kept, without_poses = [], local_search._without_poses
-    monkeypatch.setattr(local_search, "_MOST_WHOLE_S", 0)
-    monkeypatch.setattr(
-        local_search, "_without_poses", lambda *layer: kept.append(without_poses(*layer)) or kept[-1]
-    )
-    assert cg.dance(song, **arguments).plan == plan
-    assert len(kept) >= 12 and all(layer.last_pose_m.size == 0 for layer in kept)
+    source, song_features = random_source(0, n_seconds=602, k=2)
+    costs = Transition(), Velocity(), FrontCost(), Variety()
+    path = planned(source, song_features, *costs)
+    assert path == planned(source, song_features, *costs, Nothing())
 
 
 @pytest.mark.parametrize("tracked", [False, True])
@@ -207,18 +228,13 @@ def test_without_poses_the_compiled_search_reads_the_same(tracked):
         np.testing.assert_array_equal(values, others)
 
 
-def test_costs_of_others_see_the_poses_of_a_long_dance(monkeypatch):
-    class Low(cg.Cost):
-        of_path = True
-
-        def edge(self, previous, following, song_features):
-            heights_m = following.last_pose_m[:, 0, 1]
-            return np.broadcast_to(heights_m, (previous.n_nodes, following.n_nodes))
-
-    song, arguments = cg.example_songs()["house"], {"duration_s": 6.0, "costs": [Low()]}
-    plan = cg.dance(song, **arguments).plan
-    monkeypatch.setattr(local_search, "_MOST_WHOLE_S", 0)
-    assert cg.dance(song, **arguments).plan == plan
+def test_costs_of_others_see_the_poses_of_a_long_dance():
+    source, song_features = random_source(0, n_seconds=602)
+    path = planned(source, song_features, Low())
+    for second, node in enumerate(path[1:], start=1):
+        layer = source.layer(second)
+        lowest = int(layer.last_pose_m[:, 0, 1].argmin())
+        assert node == (int(layer.segment[lowest]), int(layer.offset[lowest]))
 
 
 def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):

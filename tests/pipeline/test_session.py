@@ -10,7 +10,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import choreograph as cg
+from choreograph.core.cache import Memory
 from choreograph.core.errors import NoPathError
+from choreograph.pipeline.dancing import dance_with
 from choreograph.plan.plan import Plan
 
 DURATION_S = 8.0
@@ -203,13 +205,9 @@ def test_a_file_of_beats_that_has_changed_is_read_again(tmp_path):
     assert all(one.music_beats_s != other.music_beats_s for one, other in pairwise(plans))
 
 
-def test_what_a_session_keeps_is_bounded(monkeypatch):
-    from choreograph.pipeline import session as module
-
-    monkeypatch.setattr(module, "_MOST_BYTES", 1 << 20)  # less than one layer and its segments
-    song = cg.example_songs()["house"]
-    session = cg.Session(song, STARTER, duration_s=4.0)
+def test_what_a_memory_keeps_is_bounded():
+    song, memory = cg.example_songs()["house"], Memory(1 << 20)  # less than one layer and its segments
     for seed in (0, 1, 0):
         fresh = cg.dance(song, STARTER, duration_s=4.0, seed=seed)
-        assert content(session.dance(seed=seed)) == content(fresh)
-    assert 0 < session._memory.n_bytes <= 1 << 20
+        assert content(dance_with(memory, song, STARTER, duration_s=4.0, seed=seed)) == content(fresh)
+    assert 0 < memory.n_bytes <= 1 << 20
