@@ -30,7 +30,7 @@ def serving(folder: Path, song: Path | None = None, repertoire=None) -> Iterator
     """The address of a studio in a folder, whose song a page sends, or one of a song."""
     service = start(song, as_repertoire(repertoire))
     if song is None:
-        service.desk.folder = folder
+        service.studio.folder = folder
     listening = _listening("127.0.0.1", 0)
     access = Access.of("127.0.0.1", listening.getsockname()[1])
     server = make_server(service, access)

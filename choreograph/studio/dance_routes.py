@@ -17,7 +17,7 @@ from choreograph.core.errors import ParameterError
 from choreograph.motion.motion import Motion
 from choreograph.music.song_features import SongFeatures
 from choreograph.pipeline.planning import FirstPart
-from choreograph.studio.facts import explained, motion_data, part_motion
+from choreograph.studio.dance_json import explained, motion_data, part_motion
 from choreograph.studio.jobs import Job
 from choreograph.studio.project import EditKind, Step
 from choreograph.studio.ratings import SUFFIX, rate
@@ -118,7 +118,7 @@ _FIRST_S = 5.0  # of the dance that is sent first: longer than a page waits for 
 
 def dance_routes(service: Service) -> APIRouter:
     """The addresses of the dance."""
-    made, desk = APIRouter(tags=["dance"]), service.desk
+    made, studio = APIRouter(tags=["dance"]), service.studio
 
     @made.get("/api/state")
     def state() -> JSONResponse:
@@ -132,17 +132,17 @@ def dance_routes(service: Service) -> APIRouter:
         With several dancers, it is that of the leader on the stage, and `others` has the facts and motions of
         the others.
         """
-        shown = desk.state
-        desk.current()
+        shown = studio.state
+        studio.current()
         if shown.dance is None or (revision is not None and revision != shown.project.revision):
             raise ConflictError(f"expected the newest revision {shown.project.revision}, got {revision}")
         of = {"revision": shown.project.revision, "repertoire": shown.repertoire.path.name}
-        return JSONResponse(of | desk.motion_data())
+        return JSONResponse(of | studio.motion_data())
 
     @made.get("/api/mesh")
     def mesh() -> dict[str, Any]:
         """The mesh of the mannequin, and its facts."""
-        text, facts = desk.mannequin()
+        text, facts = studio.mannequin()
         return {"mesh": text, "facts": facts}
 
     @made.post("/api/settings", status_code=202)
@@ -152,14 +152,14 @@ def dance_routes(service: Service) -> APIRouter:
         Dancers, formation and relation leave the dance of the leader as it is. Each formation and relation is
         VALUE or WHEN=VALUE, as of `choreograph scene`.
         """
-        desk.check(body.revision)
-        dancers = desk.project.settings.changed(body.changes).dancers
+        studio.check(body.revision)
+        dancers = studio.project.settings.changed(body.changes).dancers
         span = body.span()
 
         def work(job: Job) -> None:
             # Several dancers come together, so that none is near another one meanwhile.
             first = None if body.at is None or dancers > 1 else first_part(job, body.at, body.revision + 1)
-            desk.change_settings(
+            studio.change_settings(
                 body.revision, body.changes, job.report, keep_locked=body.keep_locked, span=span, first=first
             )
 
@@ -168,17 +168,17 @@ def dance_routes(service: Service) -> APIRouter:
     @made.post("/api/locks")
     def locks(body: LocksBody) -> dict[str, Any]:
         """Lock these parts of the dance, and no others."""
-        return service.change_now("lock", lambda job: desk.lock(body.revision, body.locks))
+        return service.change_now("lock", lambda job: studio.lock(body.revision, body.locks))
 
     @made.post("/api/undo")
     def undo(body: Revised) -> dict[str, Any]:
         """Go back to the dance before the last change."""
-        return service.change_now("undo", lambda job: desk.move(body.revision, back=True))
+        return service.change_now("undo", lambda job: studio.move(body.revision, back=True))
 
     @made.post("/api/redo")
     def redo(body: Revised) -> dict[str, Any]:
         """Make a change again that was undone."""
-        return service.change_now("redo", lambda job: desk.move(body.revision, back=False))
+        return service.change_now("redo", lambda job: studio.move(body.revision, back=False))
 
     _add_jobs(made, service)
     return made
@@ -226,46 +226,46 @@ _SAME_S = 0.1  # between the start of a part and that of a section, which are th
 
 def edit_routes(service: Service) -> APIRouter:
     """The addresses of edits."""
-    made, desk = APIRouter(tags=["edits"]), service.desk
+    made, studio = APIRouter(tags=["edits"]), service.studio
 
     @made.post("/api/edit", status_code=202)
     def edit(body: EditBody) -> dict[str, Any]:
         """Change one part of the dance. All else stays as it is."""
-        desk.check(body.revision)
-        request = edit_request(body, desk.state.features)
+        studio.check(body.revision)
+        request = edit_request(body, studio.state.features)
         bans = [str(request)] if body.kind == "ban" else []
 
         def work(job: Job) -> None:
             if isinstance(request, TakePin) and body.source_s is not None:
                 span = request.start_s, request.end_s
-                desk.pin_part(body.revision, span, request.take, body.source_s)
+                studio.pin_part(body.revision, span, request.take, body.source_s)
             else:
-                desk.edit(body.revision, [request], body.seed, job.report, bans=bans)
+                studio.edit(body.revision, [request], body.seed, job.report, bans=bans)
 
         return {"job": service.change(body.kind, work).id}
 
     @made.post("/api/seam", status_code=202)
     def seam(body: SeamBody) -> dict[str, Any]:
         """Let one take give way to the next some counts later, or earlier."""
-        desk.check(body.revision)
+        studio.check(body.revision)
         request = MoveJoin(body.at, body.counts)
-        job = service.change("seam", lambda job: desk.edit(body.revision, [request], 0, job.report))
+        job = service.change("seam", lambda job: studio.edit(body.revision, [request], 0, job.report))
         return {"job": job.id}
 
     @made.post("/api/alternatives", status_code=202)
     def alternatives(body: AlternativesBody) -> dict[str, Any]:
         """Find what else could be danced in a span."""
-        desk.check(body.revision)
+        studio.check(body.revision)
         span = body.from_s, body.to_s
         job = service.jobs.start(
-            "alternatives", lambda job: desk.alternatives(body.revision, span, body.n, job.report)
+            "alternatives", lambda job: studio.alternatives(body.revision, span, body.n, job.report)
         )
         return {"job": job.id}
 
     @made.post("/api/choose")
     def choose(body: ChooseBody) -> dict[str, Any]:
         """Dance an alternative."""
-        return service.change_now("choose", lambda job: desk.choose(body.revision, body.id))
+        return service.change_now("choose", lambda job: studio.choose(body.revision, body.id))
 
     return made
 
@@ -326,31 +326,31 @@ class RatingBody(Body):
 
 def version_routes(service: Service) -> APIRouter:
     """The addresses of versions."""
-    made, desk = APIRouter(tags=["versions"]), service.desk
+    made, studio = APIRouter(tags=["versions"]), service.studio
 
     @made.post("/api/versions")
     def keep(body: VersionBody) -> dict[str, Any]:
         """Keep the dance as it is as version A or B."""
-        return service.change_now("version", lambda job: desk.keep_version(body.slot))
+        return service.change_now("version", lambda job: studio.keep_version(body.slot))
 
     @made.get("/api/versions/{slot}/facts")
     def facts(slot: Slot) -> dict[str, Any]:
         """The facts of a version, as those of the dance."""
-        return service.jobs.do("version", lambda job: desk.facts(slot))
+        return service.jobs.do("version", lambda job: studio.facts(slot))
 
     @made.get("/api/versions/{slot}/motion")
     def motion(slot: Slot) -> dict[str, Any]:
         """The motion of a version, as that of the dance."""
-        return service.jobs.do("version", lambda job: desk.motion_data(slot))
+        return service.jobs.do("version", lambda job: studio.motion_data(slot))
 
     @made.post("/api/rating")
     def rating(body: RatingBody) -> dict[str, Any]:
         """Note which version is better, in a folder that `python -m research.study show` reads."""
-        project = desk.project
-        if desk.file is None or set(project.versions) != {"A", "B"}:
+        project = studio.project
+        if studio.file is None or set(project.versions) != {"A", "B"}:
             raise NotFoundError("expected versions A and B, got fewer: keep both first")
         names = _named(project.steps[project.versions["A"]]), _named(project.steps[project.versions["B"]])
-        folder = desk.file.with_name(desk.file.name.removesuffix(".json") + SUFFIX)
+        folder = studio.file.with_name(studio.file.name.removesuffix(".json") + SUFFIX)
         better = {"A": 0, "B": 1}.get(body.better)
         path = service.jobs.do("rating", lambda job: rate(folder, project.song, names, better))
         return {"file": f"{path.parent.name}/{path.name}"}
@@ -378,13 +378,13 @@ _Query = Annotated[str, Query(max_length=200)]
 
 def take_routes(service: Service) -> APIRouter:
     """The addresses of explanations and of the palette."""
-    made, desk = APIRouter(tags=["takes"]), service.desk
+    made, studio = APIRouter(tags=["takes"]), service.studio
 
     @made.get("/api/explain")
     def explain(at: Annotated[Seconds, Query()]) -> dict[str, Any]:
         """What is danced at a time, why, and what would be the next best."""
-        _, dance = desk.current()
-        repertoire = desk.state.repertoire
+        _, dance = studio.current()
+        repertoire = studio.state.repertoire
         return service.jobs.do("explain", lambda job: explained(dance, repertoire, at))
 
     @made.get("/api/palette")
@@ -409,6 +409,6 @@ def take_routes(service: Service) -> APIRouter:
         to_s: Annotated[Seconds, Query(alias="to")],
     ) -> dict[str, Any]:
         """The motion of a part of a take for a small figure, at 20 frames a second."""
-        return part_motion(desk.state.repertoire, take, from_s, to_s)
+        return part_motion(studio.state.repertoire, take, from_s, to_s)
 
     return made

@@ -21,14 +21,14 @@ from choreograph.characters.character import read_character
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import writing
 from choreograph.music.song import load_song
+from choreograph.studio.dance_json import waveform
 from choreograph.studio.dance_routes import Body, PartBody, Revised, Text
-from choreograph.studio.desk import SUFFIX as REPERTOIRE_SUFFIX
 from choreograph.studio.exports import build, check_takes, export, export_scene, suffix_of
-from choreograph.studio.facts import waveform
 from choreograph.studio.jobs import Job
 from choreograph.studio.project import checked_name, placed, project_path
 from choreograph.studio.refusals import NotFoundError, TooLargeError
 from choreograph.studio.service import Service
+from choreograph.studio.studio_session import SUFFIX as REPERTOIRE_SUFFIX
 
 # Uploaded files. Each has a folder of its own, so that messages show its own name.
 
@@ -78,7 +78,7 @@ MOST_SONG_BYTES = 1 << 28
 
 def song_routes(service: Service) -> APIRouter:
     """The addresses of the song."""
-    made, desk = APIRouter(tags=["song"]), service.desk
+    made, studio = APIRouter(tags=["song"]), service.studio
 
     @made.post("/api/song", status_code=202)
     async def send_song(request: Request, dance: bool = True) -> dict[str, Any]:
@@ -96,22 +96,22 @@ def song_routes(service: Service) -> APIRouter:
     def peaks(points: Annotated[int, Query(ge=1, le=20_000)] = 1000) -> dict[str, Any]:
         """The peaks of the song, and its levels as in the page of `choreograph dance`."""
         sound = service.sound()
-        shown = waveform(desk.song(), points)
+        shown = waveform(studio.song(), points)
         return {"peaks": shown, "levels": sound.levels, "levels_per_s": sound.levels_per_s}
 
     return made
 
 
 def _open(service: Service, sent: Path, job: Job, dance: bool) -> None:
-    desk = service.desk
+    studio = service.studio
     with received(sent):
         job.report("reading the song", 0, 0)
         song = load_song(sent)
         # The project beside a free name would be that of another song, such as one with another suffix.
-        path = placed(sent, desk.folder, lambda path: os.path.lexists(project_path(path)))
-    desk.open(path)
+        path = placed(sent, studio.folder, lambda path: os.path.lexists(project_path(path)))
+    studio.open(path)
     service.restore_character()
-    desk.load(replace(song, path=path, name=path.stem), job.report, with_dance=dance)
+    studio.load(replace(song, path=path, name=path.stem), job.report, with_dance=dance)
 
 
 # Characters, exports, builds and repertoires.
@@ -164,7 +164,7 @@ def file_routes(service: Service) -> APIRouter:
 
 
 def _add_characters(made: APIRouter, service: Service) -> None:
-    desk = service.desk
+    studio = service.studio
 
     @made.post("/api/character")
     async def send_character(request: Request) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def _add_characters(made: APIRouter, service: Service) -> None:
         def use(job: Job) -> None:
             with received(sent):
                 read_character(sent)
-                path = placed(sent, desk.folder)
+                path = placed(sent, studio.folder)
             service.use_character(read_character(path))
 
         return await service.soon("character", use)
@@ -191,13 +191,13 @@ def _add_characters(made: APIRouter, service: Service) -> None:
     def glb() -> Response:
         """The character with the dance as its only animation."""
         character = service.shown_character()
-        _, dance = desk.current()
+        _, dance = studio.current()
         content = service.jobs.do("character", lambda job: character.dancing(dance.motion).to_glb())
         return Response(content, media_type="model/gltf-binary")
 
 
 def _add_exports(made: APIRouter, service: Service) -> None:
-    desk = service.desk
+    studio = service.studio
 
     @made.post("/api/export", status_code=202)
     def start(body: ExportBody) -> dict[str, Any]:
@@ -206,11 +206,11 @@ def _add_exports(made: APIRouter, service: Service) -> None:
         Formats of one dancer are a .zip with a file for each, if there are several.
         """
         suffix = suffix_of(body.format)
-        _, dance = desk.current()
-        scene = desk.state.scene
+        _, dance = studio.current()
+        scene = studio.state.scene
         span, character = body.span(), service.character if body.character else None
         id = secrets.token_hex(8)
-        path = service.scratch / id / f"{Path(desk.project.song).stem}.{suffix}"
+        path = service.scratch / id / f"{Path(studio.project.song).stem}.{suffix}"
 
         def work(job: Job) -> dict[str, Any]:
             path.parent.mkdir()
@@ -237,7 +237,7 @@ def _add_exports(made: APIRouter, service: Service) -> None:
 
 
 def _add_builds(made: APIRouter, service: Service) -> None:
-    desk, takes = service.desk, service.scratch / "takes"
+    studio, takes = service.studio, service.scratch / "takes"
 
     def files() -> list[dict[str, Any]]:
         found = sorted(takes.iterdir()) if takes.is_dir() else []
@@ -277,8 +277,8 @@ def _add_builds(made: APIRouter, service: Service) -> None:
         _expect(files())
         stem = re.sub(rf"{re.escape(REPERTOIRE_SUFFIX)}$", "", body.name)
         name = checked_name(f"{stem}{REPERTOIRE_SUFFIX}", [REPERTOIRE_SUFFIX])
-        output = desk.folder / name
-        if output.exists() or name in desk.shelf.names(desk.folder):
+        output = studio.folder / name
+        if output.exists() or name in studio.repertoires.names(studio.folder):
             raise ParameterError(f"expected a new name, got that of a repertoire: {name}")
 
         def work(job: Job) -> dict[str, Any]:
@@ -290,11 +290,11 @@ def _add_builds(made: APIRouter, service: Service) -> None:
     @made.post("/api/repertoire", status_code=202)
     def use(body: RepertoireBody) -> dict[str, Any]:
         """Make the dance again with another repertoire."""
-        desk.check(body.revision)
-        desk.shelf.open(body.name, desk.folder)
+        studio.check(body.revision)
+        studio.repertoires.open(body.name, studio.folder)
         changes = {"repertoire": body.name}
         job = service.change(
-            "repertoire", lambda job: desk.change_settings(body.revision, changes, job.report)
+            "repertoire", lambda job: studio.change_settings(body.revision, changes, job.report)
         )
         return {"job": job.id}
 

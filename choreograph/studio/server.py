@@ -76,7 +76,7 @@ def start(
 
     def load(job: Job) -> None:
         service.restore_character()
-        service.desk.load(None, job.report)
+        service.studio.load(None, job.report)
 
     with ExitStack() as failed:
         failed.callback(service.close)
@@ -84,7 +84,7 @@ def start(
             service.character = read_character(character)
         if song is not None:
             check_regular(song, "a song")
-            service.desk.open(song, project)
+            service.studio.open(song, project)
             service.change("song", load)
         failed.pop_all()
     return service

@@ -1,4 +1,4 @@
-"""The service of the studio: the desk, its jobs, its news for pages, and files for as long as it runs."""
+"""The service of the studio: the session, its jobs, its news for pages, and files for as long as it runs."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from choreograph.core.errors import ChoreographError
 from choreograph.core.files import locked_folder
 from choreograph.library.repertoire import Repertoire
 from choreograph.plan.scenes import MOST_DANCERS
-from choreograph.studio.desk import Desk
+from choreograph.studio.dance_json import Palette, character_facts, weight_choices
 from choreograph.studio.exports import EXPORTED, exports_of_each
-from choreograph.studio.facts import Palette, character_facts, weight_choices
 from choreograph.studio.jobs import Job, Jobs
 from choreograph.studio.project import ENGINES, RELATIONS, EditKind
 from choreograph.studio.refusals import NotFoundError
+from choreograph.studio.studio_session import StudioSession
 from choreograph.view.page import deflate_base64
 from choreograph.view.sound import Levels, encode_mp4, song_part
 
@@ -101,7 +101,7 @@ class Service:
     """One studio, which serves any number of pages."""
 
     def __init__(self, folder: Path, repertoire: Repertoire) -> None:
-        self.desk = Desk(folder, repertoire)
+        self.studio = StudioSession(folder, repertoire)
         self.news = News()
         self.jobs = Jobs(
             lambda job: self.news.tell({"job": job.facts | {"result": None, "log": job.log[-1:]}}), self.said
@@ -117,12 +117,12 @@ class Service:
     def close(self) -> None:
         """End all jobs, and release the project."""
         self.jobs.close()
-        self.desk.close()
+        self.studio.close()
         self._open.close()
 
     def said(self, error: BaseException) -> str:
         """What pages show of an error, which names files without the folder of the project."""
-        return str(error).replace(f"{self.desk.folder}{os.sep}", "")
+        return str(error).replace(f"{self.studio.folder}{os.sep}", "")
 
     def change(self, kind: str, work: Callable[[Job], object]) -> Job:
         """Begin a job that changes the dance. Its result is the new revision."""
@@ -139,13 +139,13 @@ class Service:
 
     def _told(self, work: Callable[[Job], object], job: Job) -> dict[str, Any]:
         work(job)
-        revision = self.desk.project.revision
+        revision = self.studio.project.revision
         self.news.tell({"state": revision})
         return {"revision": revision}
 
     def sound(self) -> Sound:
         """The song of the project, encoded once. Raises `NotFoundError` without one, else `FormatError`."""
-        song = self.desk.song()
+        song = self.studio.song()
         assert song.path is not None  # it was read from a file
         with self._lock:
             if self._sound is None or self._sound[0] != song.path:
@@ -159,7 +159,7 @@ class Service:
 
     def palette(self) -> Palette:
         """The palette of the repertoire, measured once."""
-        repertoire = self.desk.state.repertoire
+        repertoire = self.studio.state.repertoire
         with self._lock:
             if self._palette is None or self._palette[0] is not repertoire:
                 self._palette = repertoire, Palette(repertoire)
@@ -168,9 +168,9 @@ class Service:
     def use_character(self, character: GltfCharacter) -> None:
         """Show a character from now on, and note it in the project."""
         path = Path(character.document.name)
-        beside = path.parent.resolve() == self.desk.folder.resolve()
+        beside = path.parent.resolve() == self.studio.folder.resolve()
         bones = {joint: character.rig.names[bone] for joint, bone in character.bones.items()}
-        self.desk.keep_character(path.name if beside else "", bones)
+        self.studio.keep_character(path.name if beside else "", bones)
         self.character = character
 
     def shown_character(self) -> GltfCharacter:
@@ -181,26 +181,26 @@ class Service:
 
     def restore_character(self) -> None:
         """Show the character of the project, unless another is shown or its file is missing."""
-        project = self.desk.project
+        project = self.studio.project
         name = Path(project.character).name
-        path = self.desk.folder / name
+        path = self.studio.folder / name
         if self.character is None and name and name == project.character and path.is_file():
             self.character = read_character(path, dict(project.bones) or None)
 
     def state(self) -> dict[str, Any]:
         """What pages show, as JSON."""
-        desk, state = self.desk, self.desk.state
+        studio, state = self.studio, self.studio.state
         project, song = state.project, state.song
         takes = state.repertoire.takes
         genres = sorted({take.credits.genre for take in takes} - {""})
         settings = project.settings
         return {
             "revision": project.revision,
-            "project": {"name": project.song, "file": None if desk.file is None else desk.file.name},
+            "project": {"name": project.song, "file": None if studio.file is None else studio.file.name},
             "song": None if song is None else {"name": song.name, "duration_s": round(song.duration_s, 6)},
             "repertoire": {
                 "name": state.repertoire.path.name, "takes": len(takes), "clips": state.repertoire.n_clips,
-                "genres": genres, "names": desk.shelf.names(desk.folder),
+                "genres": genres, "names": studio.repertoires.names(studio.folder),
             },
             "settings": {
                 "engine": settings.engine, "seed": settings.seed, "genre": settings.genre,
@@ -221,7 +221,7 @@ class Service:
             "can_undo": project.can_undo, "can_redo": project.can_redo,
             "changed": [list(span) for span in state.changed],
             "request": "" if project.current is None else project.current.request,
-            "dance": None if state.dance is None or state.features is None else desk.facts(),
+            "dance": None if state.dance is None or state.features is None else studio.facts(),
             "character": None if self.character is None else character_facts(self.character),
             "versions": {slot: project.versions.get(slot) for slot in ("A", "B")},
         }  # fmt: skip

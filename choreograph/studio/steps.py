@@ -29,7 +29,7 @@ from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import Plan, PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.rendering import render_planned, with_edit
-from choreograph.studio.facts import motion_data, other_motion_data
+from choreograph.studio.dance_json import motion_data, other_motion_data
 from choreograph.studio.project import Project, Settings, Step
 
 _MEMORY_BYTES = 32_000_000  # of what dances to one song have in common

@@ -12,7 +12,7 @@ from installed_packages import installed_package
 from synthetic_repertoire import synthetic_repertoire, write_clicks
 
 import choreograph as cg
-from choreograph.studio.facts import of_dance, reasons, weight_choices
+from choreograph.studio.dance_json import of_dance, reasons, weight_choices
 
 PAGES = Path(__file__).resolve().parents[2] / "docs" / "contributing"
 

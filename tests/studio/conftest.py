@@ -40,26 +40,26 @@ def folder(tmp_path, song):
 
 
 @pytest.fixture
-def open_desk(repertoire, folder):
-    """Opens desks of a project whose song is read and danced."""
-    from choreograph.studio.desk import Desk
+def open_session(repertoire, folder):
+    """Opens sessions of a project whose song is read and danced."""
+    from choreograph.studio.studio_session import StudioSession
 
     opened = []
 
     def open_one():
-        opened.append(Desk(folder, repertoire))
+        opened.append(StudioSession(folder, repertoire))
         opened[-1].open(folder / "clicks.wav")
         opened[-1].load(None, None)
         return opened[-1]
 
     yield open_one
-    for desk in opened:
-        desk.close()
+    for studio in opened:
+        studio.close()
 
 
 @pytest.fixture
-def desk(open_desk):
-    return open_desk()
+def studio(open_session):
+    return open_session()
 
 
 @pytest.fixture

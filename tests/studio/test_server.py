@@ -352,7 +352,7 @@ def test_a_body_that_does_not_arrive_is_refused(live, path, lines, drip):
     service, port = live
     answer, waited_s = sent(port, head(port, "POST", path, *lines, "Content-Length: 1000"), drip)
     assert waited_s < 5 * LIMIT_S and (drip or answer.startswith(b"HTTP/1.1 408"))
-    assert not list(service.scratch.glob("sent-*")) and os.listdir(service.desk.folder) == []
+    assert not list(service.scratch.glob("sent-*")) and os.listdir(service.studio.folder) == []
 
 
 def test_a_slow_body_is_waited_for(live, monkeypatch):
@@ -406,7 +406,7 @@ def test_a_page_that_leaves_while_it_sends_leaves_nothing(live, complaints):
         connection.sendall(request + b"a" * 100)
         while not list(service.scratch.glob("sent-*")):
             time.sleep(0.01)
-        assert os.listdir(service.desk.folder) == []
+        assert os.listdir(service.studio.folder) == []
     while list(service.scratch.glob("sent-*")):
         time.sleep(0.01)
     time.sleep(0.05)
@@ -548,14 +548,14 @@ def test_a_studio_without_a_song_works_in_the_working_folder(repertoire, tmp_pat
     monkeypatch.chdir(tmp_path)
     service = start(None, repertoire)
     service.close()
-    assert service.desk.folder == tmp_path and service.state()["song"] is None
+    assert service.studio.folder == tmp_path and service.state()["song"] is None
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_project_opens_its_song(open_studio, folder):
     open_studio(folder / "clicks.wav").ready().service.close()
     again = open_studio(None, project=folder / "clicks.studio.json").ready()
-    assert again.service.desk.folder == folder
+    assert again.service.studio.folder == folder
     assert again.state()["project"] == {"name": "clicks.wav", "file": "clicks.studio.json"}
     assert again.revision == 1  # the dance was not made a second time
 

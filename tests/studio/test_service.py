@@ -117,12 +117,12 @@ def test_the_song_is_encoded_once(client, monkeypatch):
 def test_the_palette_is_measured_once_for_each_repertoire(service, monkeypatch):
     first = service.palette()
     assert service.palette() is first and first.parts
-    other = Service(service.desk.folder, service.desk.state.repertoire)
+    other = Service(service.studio.folder, service.studio.state.repertoire)
     assert other.palette() is not first
     other.close()
-    known = service.desk.state
+    known = service.studio.state
     again = known.repertoire.open(known.repertoire.path)
-    monkeypatch.setattr(service.desk, "state", replace(known, repertoire=again))
+    monkeypatch.setattr(service.studio, "state", replace(known, repertoire=again))
     assert service.palette() is not first
 
 
@@ -132,7 +132,9 @@ def test_a_character_of_another_folder_is_not_in_the_project(client, folder, tmp
     for path, noted in ((elsewhere, ""), (folder / "hero.glb", "hero.glb")):
         write_character(path, CHARACTERS["mixamo"])
         service.use_character(read_character(path))
-        assert service.desk.project.character == noted and service.state()["character"]["name"] == "hero.glb"
+        assert (
+            service.studio.project.character == noted and service.state()["character"]["name"] == "hero.glb"
+        )
     service.character = None
     service.restore_character()
     assert service.state()["character"]["name"] == "hero.glb"

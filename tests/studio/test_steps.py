@@ -16,9 +16,9 @@ from choreograph.choreography.edits import Swap
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.formats.gltf_document import read_gltf
 from choreograph.motion.body import mirrored_motion
-from choreograph.studio.desk import Desk
 from choreograph.studio.exports import EXPORTED, export_scene, exports_of_each
 from choreograph.studio.steps import StepDances
+from choreograph.studio.studio_session import StudioSession
 
 SCHEMA = json.loads(
     (Path(__file__).resolve().parents[2] / "data_schema" / "studio.schema.json").read_text(encoding="utf-8")
@@ -26,9 +26,9 @@ SCHEMA = json.loads(
 DUET = {"dancers": 2, "formation": ["pairs"], "relation": ["mirror"]}
 
 
-def change(desk, changes, **options):
-    desk.change_settings(desk.project.revision, changes, **options)
-    return desk.state.scene
+def change(studio, changes, **options):
+    studio.change_settings(studio.project.revision, changes, **options)
+    return studio.state.scene
 
 
 def is_same(one, other):
@@ -49,25 +49,25 @@ def are_same(scene, others):
         (3, ["v"], ["free"]),
     ],
 )
-def test_without_edits_it_is_the_scene_of_the_command(desk, repertoire, song, dancers, formation, relation):
-    staged = change(desk, {"dancers": dancers, "formation": formation, "relation": relation})
+def test_without_edits_it_is_the_scene_of_the_command(studio, repertoire, song, dancers, formation, relation):
+    staged = change(studio, {"dancers": dancers, "formation": formation, "relation": relation})
     scene = cg.scene(song, repertoire, dancers=dancers, formation=formation, relation=relation)
     assert are_same(staged, scene.motions) and staged.planned.plan == scene.plan
-    assert len(desk.motion_data()["others"]) == dancers - 1
+    assert len(studio.motion_data()["others"]) == dancers - 1
 
 
-def test_dancers_leave_the_dance_of_the_leader_and_its_edits_as_they_are(desk):
-    desk.edit(1, [Swap(4.0, 6.0)])
-    plan, motion = desk.state.dance.plan, desk.state.dance.motion
-    change(desk, DUET)
-    assert desk.state.dance.plan == plan and is_same(desk.state.dance.motion, motion) and plan.edits
-    assert not desk.state.changed
+def test_dancers_leave_the_dance_of_the_leader_and_its_edits_as_they_are(studio):
+    studio.edit(1, [Swap(4.0, 6.0)])
+    plan, motion = studio.state.dance.plan, studio.state.dance.motion
+    change(studio, DUET)
+    assert studio.state.dance.plan == plan and is_same(studio.state.dance.motion, motion) and plan.edits
+    assert not studio.state.changed
 
 
-def test_an_edit_is_of_the_leader_and_the_others_follow(desk):
-    before = change(desk, DUET).planned.motions
-    desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
-    leader, other = desk.state.scene.planned.motions
+def test_an_edit_is_of_the_leader_and_the_others_follow(studio):
+    before = change(studio, DUET).planned.motions
+    studio.edit(studio.project.revision, [Swap(4.0, 6.0)])
+    leader, other = studio.state.scene.planned.motions
     mirrored = mirrored_motion(leader)
     assert np.abs(other.root_pos_m - mirrored.root_pos_m).max() < 1e-6
     assert np.abs(np.abs(np.sum(other.local_quat * mirrored.local_quat, axis=-1)) - 1.0).max() < 1e-6
@@ -75,18 +75,18 @@ def test_an_edit_is_of_the_leader_and_the_others_follow(desk):
     assert len(frames) and abs(frames.mean() / leader.fps - 5.0) < 2.0
 
 
-def test_undo_and_another_opening_give_the_same_motions(desk, open_desk):
-    shown = [change(desk, DUET)]
-    desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
-    shown.append(desk.state.scene)
-    shown.append(change(desk, {"dancers": 3, "relation": ["canon:1"]}))
-    desk.move(desk.project.revision, back=True)
-    assert are_same(desk.state.scene, shown[1].planned.motions) and desk.project.settings.dancers == 2
-    desk.move(desk.project.revision, back=False)
-    text = desk.file.read_text()
+def test_undo_and_another_opening_give_the_same_motions(studio, open_session):
+    shown = [change(studio, DUET)]
+    studio.edit(studio.project.revision, [Swap(4.0, 6.0)])
+    shown.append(studio.state.scene)
+    shown.append(change(studio, {"dancers": 3, "relation": ["canon:1"]}))
+    studio.move(studio.project.revision, back=True)
+    assert are_same(studio.state.scene, shown[1].planned.motions) and studio.project.settings.dancers == 2
+    studio.move(studio.project.revision, back=False)
+    text = studio.file.read_text()
     jsonschema.validate(json.loads(text), SCHEMA)
-    desk.close()
-    again = open_desk()
+    studio.close()
+    again = open_session()
     assert are_same(again.state.scene, shown[2].planned.motions)
     again.move(again.project.revision, back=True)
     again.move(again.project.revision, back=True)
@@ -95,33 +95,33 @@ def test_undo_and_another_opening_give_the_same_motions(desk, open_desk):
     assert again.state.scene is None and "others" not in again.motion_data()
 
 
-def test_one_dancer_has_a_project_without_dancers(desk):
-    assert '"dancers"' not in desk.file.read_text()
-    change(desk, DUET)
-    change(desk, {"dancers": 1, "formation": ["v"], "relation": ["unison"]})
-    last = desk.file.read_text().splitlines()[-3]
+def test_one_dancer_has_a_project_without_dancers(studio):
+    assert '"dancers"' not in studio.file.read_text()
+    change(studio, DUET)
+    change(studio, {"dancers": 1, "formation": ["v"], "relation": ["unison"]})
+    last = studio.file.read_text().splitlines()[-3]
     assert '"number":3' in last and '"dancers"' not in last.partition('"settings"')[2]
 
 
-def test_free_dancers_keep_their_dances_when_the_leader_is_edited(desk, monkeypatch):
-    before = change(desk, {"dancers": 3, "relation": ["free"]})
+def test_free_dancers_keep_their_dances_when_the_leader_is_edited(studio, monkeypatch):
+    before = change(studio, {"dancers": 3, "relation": ["free"]})
     made = []
     monkeypatch.setattr(StepDances, "made", lambda *given, **more: made.append(given))
-    desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
-    after = desk.state.scene
+    studio.edit(studio.project.revision, [Swap(4.0, 6.0)])
+    after = studio.state.scene
     assert not made and [plan.seed for _, plan in after.dances] == [0, 1, 2]
     assert all(one[0] is other[0] for one, other in zip(before.dances[1:], after.dances[1:], strict=True))
     assert after.dances[0][1].edits
 
 
-def test_a_version_has_its_own_dancers(desk):
-    change(desk, DUET)
-    desk.keep_version("A")
-    change(desk, {"dancers": 4})
-    desk.keep_version("B")
-    assert [len(desk.motion_data(slot)["others"]) for slot in ("A", "B", "")] == [1, 3, 3]
-    facts = desk.facts("A")
-    assert facts["frames"] == desk.motion_data("A")["facts"]["frames"]
+def test_a_version_has_its_own_dancers(studio):
+    change(studio, DUET)
+    studio.keep_version("A")
+    change(studio, {"dancers": 4})
+    studio.keep_version("B")
+    assert [len(studio.motion_data(slot)["others"]) for slot in ("A", "B", "")] == [1, 3, 3]
+    facts = studio.facts("A")
+    assert facts["frames"] == studio.motion_data("A")["facts"]["frames"]
 
 
 @pytest.mark.parametrize(
@@ -134,43 +134,43 @@ def test_a_version_has_its_own_dancers(desk):
         ({"seed": 2, "relation": ["mirror"]}, (2.0, 4.0), "expected no part of the dance beside dancers"),
     ],
 )
-def test_what_cannot_be_is_refused_and_nothing_changes(desk, changes, span, says):
-    before = desk.file.read_bytes(), desk.state
+def test_what_cannot_be_is_refused_and_nothing_changes(studio, changes, span, says):
+    before = studio.file.read_bytes(), studio.state
     with pytest.raises(ChoreographError, match=says) as refused:
-        change(desk, changes, span=span)
+        change(studio, changes, span=span)
     assert "\n" not in str(refused.value)
-    assert (desk.file.read_bytes(), desk.state) == before
+    assert (studio.file.read_bytes(), studio.state) == before
 
 
-def test_a_change_that_could_not_be_saved_leaves_no_scene(desk, monkeypatch):
+def test_a_change_that_could_not_be_saved_leaves_no_scene(studio, monkeypatch):
     """The number of its step is used again, by a step with other dancers."""
-    write = desk._file.write
+    write = studio._file.write
 
     def full(project):
         raise ChoreographError("the disk is full")
 
-    monkeypatch.setattr(desk._file, "write", full)
+    monkeypatch.setattr(studio._file, "write", full)
     with pytest.raises(ChoreographError, match="full"):
-        change(desk, DUET)
-    monkeypatch.setattr(desk._file, "write", write)
-    assert desk.state.scene is None
-    assert len(change(desk, {"dancers": 3}).planned.motions) == 3
+        change(studio, DUET)
+    monkeypatch.setattr(studio._file, "write", write)
+    assert studio.state.scene is None
+    assert len(change(studio, {"dancers": 3}).planned.motions) == 3
 
 
-def test_a_setting_of_the_dance_and_dancers_change_together(desk):
-    staged = change(desk, {"seed": 4, **DUET})
-    assert desk.state.dance.plan.seed == 4 and len(staged.planned.motions) == 2
+def test_a_setting_of_the_dance_and_dancers_change_together(studio):
+    staged = change(studio, {"seed": 4, **DUET})
+    assert studio.state.dance.plan.seed == 4 and len(staged.planned.motions) == 2
 
 
 # Files.
 
 
 @pytest.fixture
-def edited(desk):
+def edited(studio):
     """A duet whose leader was edited."""
-    change(desk, DUET)
-    desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
-    return desk.state
+    change(studio, DUET)
+    studio.edit(studio.project.revision, [Swap(4.0, 6.0)])
+    return studio.state
 
 
 def test_all_formats_are_of_one_file_or_of_one_for_each(tmp_path):
@@ -230,16 +230,16 @@ def test_dancers_have_the_character(edited, tmp_path):
 
 def test_a_generated_dance_with_edits_is_made_again_from_the_plan_of_the_scene(folder, tmp_path):
     repertoire = cg.starter_repertoire()
-    desk = Desk(folder, repertoire)
+    studio = StudioSession(folder, repertoire)
     try:
-        desk.open(folder / "clicks.wav")
-        desk.load(None, None, with_dance=False)
-        desk.change_settings(desk.project.revision, {"engine": "rollout", "bans": ["motif:5"], **DUET})
-        desk.edit(desk.project.revision, [Swap(4.0, 6.0)])
-        staged = desk.state.scene
+        studio.open(folder / "clicks.wav")
+        studio.load(None, None, with_dance=False)
+        studio.change_settings(studio.project.revision, {"engine": "rollout", "bans": ["motif:5"], **DUET})
+        studio.edit(studio.project.revision, [Swap(4.0, 6.0)])
+        staged = studio.state.scene
         path = export_scene(tmp_path / "a.json", staged, None, None, None, None)
     finally:
-        desk.close()
+        studio.close()
     plan = cg.ScenePlan.read(path)
     assert plan.requests[0].bans == ("motif:5",) and plan.dances[0].edits
     again = cg.render_scene_plan(plan, repertoire, song_path=folder / "clicks.wav")

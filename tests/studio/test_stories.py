@@ -126,7 +126,7 @@ def test_a_character_dances_is_mapped_written_and_remembered(client, open_studio
 def test_files_are_those_of_the_command(client, folder, format):
     job = client.wait(client.post("/api/export", format=format))
     content = client.get(f"/api/export/{job['result']['id']}").content
-    dance = client.service.desk.state.dance
+    dance = client.service.studio.state.dance
     dance.save(folder / f"other.{format}")
     assert content == (folder / f"other.{format}").read_bytes()
 

@@ -1,4 +1,4 @@
-"""The desk of the studio: a song, a repertoire and the project, and everything that changes the dance.
+"""A session of the studio: a song, a repertoire and the project, and everything that changes the dance.
 
 It has no part in HTTP. What changes the dance runs in one thread, one after another. A change is first
 written to the file of the project, and is then the newest state. If it cannot be written, nothing changes.
@@ -30,7 +30,7 @@ from choreograph.plan.joins import take_motions
 from choreograph.plan.plan import PlannedEdit
 from choreograph.render.assembly import off_stage
 from choreograph.render.rendering import with_edit
-from choreograph.studio.facts import changed_spans, mannequin_facts, motion_data, whole_facts
+from choreograph.studio.dance_json import changed_spans, mannequin_facts, motion_data, whole_facts
 from choreograph.studio.project import (
     SCENE_SETTINGS,
     Project,
@@ -59,17 +59,17 @@ class State:
     changed: tuple[Span, ...] = ()  # by the last change
 
 
-class Desk:
+class StudioSession:
     """The state of the studio. Other threads only read it."""
 
     def __init__(self, folder: Path, repertoire: Repertoire) -> None:
         self.folder = folder
-        self.shelf = Shelf(repertoire)
+        self.repertoires = Repertoires(repertoire)
         settings = Settings(repertoire=repertoire.path.name)
         self.state = State(Project("", settings=settings), repertoire)  # replaced as a whole
         self._file: ProjectFile | None = None
         self._dances, self._scenes = StepDances(repertoire), StepScenes()
-        self._offers = Offers()
+        self._shown_alternatives = ShownAlternatives()
         self._mannequin: tuple[Repertoire, tuple[str, dict[str, Any]]] | None = None
         self._facts: dict[str, tuple[int, dict[str, Any]]] = {}  # by what they are of, with their step
 
@@ -111,8 +111,8 @@ class Desk:
 
     def _forget(self, project: Project) -> None:
         """Begin with a project whose song and dance are not read yet."""
-        repertoire = self.shelf.open(project.settings.repertoire, self.folder)
-        self._dances, self._offers, self._facts = StepDances(repertoire), Offers(), {}
+        repertoire = self.repertoires.open(project.settings.repertoire, self.folder)
+        self._dances, self._shown_alternatives, self._facts = StepDances(repertoire), ShownAlternatives(), {}
         self.state = State(project, repertoire)
 
     @default_numerics()
@@ -140,7 +140,7 @@ class Desk:
     # The dance and what is shown of it.
 
     def _features(self, settings: Settings) -> SongFeatures:
-        repertoire = self.shelf.open(settings.repertoire, self.folder)
+        repertoire = self.repertoires.open(settings.repertoire, self.folder)
         return self._dances.features(settings, self.song(), repertoire)
 
     def song(self) -> Song:
@@ -196,7 +196,7 @@ class Desk:
         return step, self._dance_of(step, None)
 
     def _dance_of(self, step: Step, report: ProgressReport | None) -> Dance:
-        repertoire = self.shelf.open(step.settings.repertoire, self.folder)
+        repertoire = self.repertoires.open(step.settings.repertoire, self.folder)
         return self._dances.dance(self.project, step, repertoire, self.song(), report)
 
     def _scene_of(
@@ -205,7 +205,7 @@ class Desk:
         """The scene around the dance of a step, if it has one. Raises as `StepScenes.staged`."""
         if step.settings.dancers == 1:
             return None
-        repertoire, song = self.shelf.open(step.settings.repertoire, self.folder), self.song()
+        repertoire, song = self.repertoires.open(step.settings.repertoire, self.folder), self.song()
 
         def make(settings: Settings) -> Dance:
             return self._dances.made(settings, song, repertoire, report)
@@ -219,7 +219,7 @@ class Desk:
         """Write the project, which is then shown. Raises `ChoreographError` if it cannot be written."""
         if self._file is not None:
             self._file.write(project)
-        repertoire = self.shelf.open(project.settings.repertoire, self.folder)
+        repertoire = self.repertoires.open(project.settings.repertoire, self.folder)
         self.state = replace(self.state, project=project, repertoire=repertoire, **shown)
 
     def check(self, revision: int) -> None:
@@ -276,7 +276,7 @@ class Desk:
             )
         if settings.repertoire != project.settings.repertoire:
             keep_locked, span = False, None  # what would be kept has takes of the other repertoire
-        repertoire = self.shelf.open(settings.repertoire, self.folder)
+        repertoire = self.repertoires.open(settings.repertoire, self.folder)
         before = self.state.dance
         if changes and before is not None and set(changes) <= set(SCENE_SETTINGS) and span is None:
             self._with_dance(json.dumps(changes), before, settings, report, edited=True)
@@ -326,12 +326,15 @@ class Desk:
     def alternatives(
         self, revision: int, span: Span, n: int, report: ProgressReport | None = None
     ) -> list[dict[str, Any]]:
-        """What else could be danced in a span, as `Offers.found`. `ConflictError` for an old revision."""
+        """What else could be danced in a span, as `ShownAlternatives.found`.
+
+        Raises `ConflictError` for an old revision.
+        """
         self.check(revision)
         _, dance = self.current()
         if report is not None:
             report("looking for alternatives", 0, 0)
-        return self._offers.found(dance, self.state.repertoire, revision, span, n)
+        return self._shown_alternatives.found(dance, self.state.repertoire, revision, span, n)
 
     @one_thread()
     def choose(self, revision: int, id: str) -> None:
@@ -341,8 +344,8 @@ class Desk:
         """
         self.check(revision)
         self.current()
-        offer = self._offers.chosen(revision, id)
-        self._make(offer.edit, f"{offer.edit.request}: {offer.why}")
+        chosen = self._shown_alternatives.chosen(revision, id)
+        self._make(chosen.edit, f"{chosen.edit.request}: {chosen.why}")
 
     @default_numerics()
     @one_thread()
@@ -401,7 +404,7 @@ class Desk:
 SUFFIX = ".h5"
 
 
-class Shelf:
+class Repertoires:
     """The repertoire of the command line, the built-in one, and those in the folder of the project."""
 
     def __init__(self, given: Repertoire) -> None:
@@ -447,7 +450,7 @@ _MOST = 24
 
 
 @dataclass(frozen=True, eq=False)
-class Offer:
+class ShownAlternative:
     """An alternative that was shown."""
 
     revision: int  # of the dance that it changes
@@ -455,11 +458,11 @@ class Offer:
     why: str
 
 
-class Offers:
+class ShownAlternatives:
     """The alternatives that were shown last."""
 
     def __init__(self) -> None:
-        self._by_id: dict[str, Offer] = {}
+        self._by_id: dict[str, ShownAlternative] = {}
 
     def found(
         self, dance: Dance, repertoire: Repertoire, revision: int, span: Span, n: int
@@ -472,17 +475,17 @@ class Offers:
             raise ParameterError(f"expected 1 to {_MOST} alternatives, got {n}")
         found = alternatives(dance, repertoire, span, n)
         self._by_id = {
-            f"{revision}-{index}": Offer(revision, one.dance.plan.edits[-1], one.why)
+            f"{revision}-{index}": ShownAlternative(revision, one.dance.plan.edits[-1], one.why)
             for index, one in enumerate(found)
         }
         return [_shown(id, one) for id, one in zip(self._by_id, found, strict=True)]
 
-    def chosen(self, revision: int, id: str) -> Offer:
+    def chosen(self, revision: int, id: str) -> ShownAlternative:
         """An alternative that was shown. Raises `NotFoundError` if none of this id is of the revision."""
-        offer = self._by_id.get(id)
-        if offer is None or offer.revision != revision:
+        chosen = self._by_id.get(id)
+        if chosen is None or chosen.revision != revision:
             raise NotFoundError(f"expected an alternative of the dance as it is, got {id[:40]!r}: ask again")
-        return offer
+        return chosen
 
 
 def _shown(id: str, one: Alternative) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from choreograph.choreography.pieces import PieceRequest
 from choreograph.core.errors import ParameterError, RepertoireError
 from choreograph.music.song import Song
 from choreograph.plan.plan import PlannedSecond, goes_on
-from choreograph.studio import facts
-from choreograph.studio.facts import (
+from choreograph.studio import dance_json
+from choreograph.studio.dance_json import (
     OF_PIECE,
     THIRDS,
     Palette,
@@ -135,13 +135,13 @@ def test_a_time_outside_of_the_dance_is_refused(made, repertoire, at_s):
 
 def test_the_next_best_is_the_cheapest_piece(made, repertoire, monkeypatch):
     asked = []
-    pieces = facts.Editor.pieces
+    pieces = dance_json.Editor.pieces
 
     def noted(self, slots, request):
         asked.append((slots, request, pieces(self, slots, request)))
         return asked[-1][2]
 
-    monkeypatch.setattr(facts.Editor, "pieces", noted)
+    monkeypatch.setattr(dance_json.Editor, "pieces", noted)
     best = next_best(made, repertoire, (0.0, made.plan.duration_s), 5.0)
     [(_, request, (_, found))] = asked
     assert isinstance(request, PieceRequest) and best is not None
@@ -151,7 +151,7 @@ def test_the_next_best_is_the_cheapest_piece(made, repertoire, monkeypatch):
 
 
 def test_without_pieces_there_is_no_next_best(made, repertoire, monkeypatch):
-    monkeypatch.setattr(facts.Editor, "pieces", lambda self, slots, request: (None, []))
+    monkeypatch.setattr(dance_json.Editor, "pieces", lambda self, slots, request: (None, []))
     assert next_best(made, repertoire, (2.0, 6.0), 4.0) is None
 
 
