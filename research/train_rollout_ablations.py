@@ -8,9 +8,9 @@ written to FOLDER/NAME OF THE REPERTOIRE for `rollout.py --ablations FOLDER`. Ea
 network itself, or as many steps as `--steps` gives. With `--steps`, compare them with `as-built`, which lacks
 nothing.
 
-`published` is the network of Rhythm is a Dancer as printed (`choreograph.settings.ROLLOUT`), one for each
-genre, in NAME@GENRE.pt. `published-no-perceptual-loss` and `published-acLSTM` are the other columns of its
-Table 1. `as-built` and all that are named after what they lack are trained on the takes alone (`--set
+`published` is the network of Rhythm is a Dancer as printed (`choreograph.pipeline.published.ROLLOUT`), one
+for each genre, in NAME@GENRE.pt. `published-no-perceptual-loss` and `published-acLSTM` are the other columns
+of its Table 1. `as-built` and all that are named after what they lack are trained on the takes alone (`--set
 rollout_teacher=false`). `graph-dances-too` is trained on graph dances to their songs as well, and
 `synthesised-songs-too` also on those to synthesised songs, as with `build-db --rollout`. `counts-at-accents`
 has words, and beats of the music, at the accents of the motion instead of the counts. After a stop, the same

@@ -318,7 +318,7 @@ class RolloutConfig:
 
     In the paper, there is one network for each genre, conditions enter the LSTM as they are, motifs are
     medoids only, 5 teacher-forced frames alternate with 5 self-fed frames, and the loss is that of equation
-    10. `choreograph.settings.ROLLOUT` lists these values. The other settings are ours.
+    10. `choreograph.pipeline.published.ROLLOUT` lists these values. The other settings are ours.
     """
 
     n_joints: int = 24  # of the takes' skeleton, set by the training
