@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -92,7 +93,8 @@ def test_a_part_is_that_of_the_runs_until_shortly_after_it(dance, repertoire, mo
         counts.append(len(runs))
         return assemble(runs, *given, **settings)
 
-    monkeypatch.setattr("choreograph.render.rendering.assemble", counted)
+    module = sys.modules["choreograph.render.rendering"]  # `cg.render` is a function
+    monkeypatch.setattr(module, "assemble", counted)
     n_runs = len(plan_runs(dance.plan))
     for end_s in (1.5, dance.plan.duration_s):
         render_part(dance.plan, repertoire, Memory(), 0.5, end_s)
