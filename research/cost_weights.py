@@ -31,7 +31,7 @@ from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import NET_FPS, SAMPLE_RATE_HZ
-from choreograph.evaluation.metrics import endings, energy_response, frechet, motion_beat_detectors, physical
+from choreograph.evaluation.metrics import beat, energy_response, frechet, physical, transitions
 from choreograph.evaluation.plan_scores import MotifScorer, plan_scores, transition_scores
 from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
@@ -104,9 +104,9 @@ class Case:
         row["foot_slide_cm_s"] = physical.foot_slide_cm_s(body, fps)
         row |= plan_scores(made.plan, repertoire, self.genre).values
         row |= transition_scores(made.plan, repertoire, self.counts).values
-        row |= motion_beat_detectors.evaluate(body, fps, self.counts.times_s)
+        row |= beat.evaluate_detectors(body, fps, self.counts.times_s)
         row |= scorer.scores(scorer.motifs_of(made.motion, self.counts.times_s), self.genre).values
-        ends = endings.evaluate(body, fps)
+        ends = transitions.evaluate_ends(body, fps)
         row["ends_speed_m_s"] = (ends["opening_speed_m_s"] + ends["closing_speed_m_s"]) / 2
         bounds_s = np.arange(made.plan.opening_s, made.plan.danced_until_s, WINDOW_S)
         loudness_db = energy_response.section_loudness_db(self.song.samples, SAMPLE_RATE_HZ, bounds_s)

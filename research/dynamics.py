@@ -34,9 +34,8 @@ import choreograph as cg
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import contact_scores, counts, energy_response, physical
-from choreograph.evaluation.plan_scores import transition_times_s
+from choreograph.evaluation.metrics import counts, energy_response, physical
+from choreograph.evaluation.plan_scores import danced_counts, transition_times_s
 from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import body_pos_m
 from choreograph.music.song import Song, load_song
@@ -175,7 +174,7 @@ def other_scores(song: ChangedSong, made: cg.Dance, repertoire: cg.Repertoire) -
         "jumps/min": physical.jumps_per_minute(body, fps),
         "jerk at joins": physical.jerk_ratio_at(body, fps, joins_s) if len(joins_s) else np.nan,
         "slide cm/s": physical.foot_slide_cm_s(body, fps),
-        "PFC": contact_scores.pfc(body, fps),
+        "PFC": physical.pfc(body, fps),
     }
 
 

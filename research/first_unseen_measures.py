@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.movement_measures import Window, from_mean
+from choreograph.evaluation.movement import Window, from_mean
 from research.unseen_measure_parts import MeasureSet, between_feet_m, landings, pelvis_aside_m
 
 SLOW_M_S = 0.15

@@ -20,9 +20,8 @@ import numpy as np
 
 from choreograph.core.counts import ANNOTATED, make_counts, numbers_in_bar
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.metrics import beat, motion_beat_detectors
-from choreograph.evaluation.movement import ALL_REAL, Range, real_ranges
-from choreograph.evaluation.movement_measures import measured, windows_of
+from choreograph.evaluation.metrics import beat
+from choreograph.evaluation.movement import ALL_REAL, Range, measured, real_ranges, windows_of
 from choreograph.motion.body import body_pos_m
 from choreograph.music.synthesis.song import SyntheticSong, render_song
 from content.moves.genres import GENRES
@@ -113,7 +112,7 @@ class Judge:
                         values[0][name].append(value)
             for name, own in values_of(windows, [SET]).items():
                 values[1][name] += own
-            beats_s = motion_beat_detectors.our_beats_s(body_pos_m(dance.motion), FPS)
+            beats_s = beat.our_beats_s(body_pos_m(dance.motion), FPS)
             f_scores.append(beat.f_score(beats_s, dance.count_times_s))
             faster = np.linalg.norm(np.diff(body, 2, axis=0), axis=-1) * NET_FPS**2
             fastest_m_s2.append(np.percentile(faster, 99.9))

@@ -34,9 +34,8 @@ import choreograph as cg
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import Counts
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import contact_scores, counts, frechet, front, phrase_returns, physical
-from choreograph.evaluation.plan_scores import transition_times_s
+from choreograph.evaluation.metrics import counts, frechet, front, physical, structure
+from choreograph.evaluation.plan_scores import danced_counts, transition_times_s
 from choreograph.motion.body import body_pos_m
 from choreograph.music.form import Form, Phrase
 from choreograph.music.synthesis.sounds import RATE_HZ
@@ -73,7 +72,7 @@ def measured(dance: cg.Dance, repertoire: cg.Repertoire, form: Form, true: Count
     else:  # what returns is the motif
         takes = [f"motif {word.motif}" for word in plan.words]
         pieces_s = np.array([(w.start_s, w.end_s, 0.0, w.end_s - w.start_s) for w in plan.words])
-    row = phrase_returns.evaluate(
+    row = structure.evaluate_returns(
         body_pos_m(dance.motion), dance.motion.fps, takes, pieces_s,
         phrases_s=np.array([(phrase.start_s, phrase.end_s) for phrase in form.phrases]), labels=form.labels,
     )  # fmt: skip
@@ -86,7 +85,7 @@ def measured(dance: cg.Dance, repertoire: cg.Repertoire, form: Form, true: Count
     body = body_pos_m(dance.motion), dance.motion.fps
     row["jerk_ratio_at_joins"] = physical.jerk_ratio_at(*body, joins_s)
     row["jumps_per_minute"] = physical.jumps_per_minute(*body)
-    row["pfc"] = contact_scores.pfc(*body)
+    row["pfc"] = physical.pfc(*body)
     row["turned_away_share"] = front.turned_away_share(*body)
     row["foot_slide_cm_s"] = physical.foot_slide_cm_s(*body)
     if plan.from_takes:

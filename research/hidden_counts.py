@@ -34,8 +34,8 @@ from choreograph.core.counts import NO_COUNTS, Counts, index_at
 from choreograph.core.kernel_cache import njit
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import CLIP_FRAMES, MAX_SLOPE, MIN_SLOPE, NET_FPS, SEGMENT_FRAMES
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.evaluation.songs import find_songs
 from choreograph.library.builtin import are_likely_right, pretrained_set
 from choreograph.library.songs import DEFAULT_BEATS, song_counts

@@ -31,9 +31,9 @@ from scipy.ndimage import gaussian_filter1d
 import choreograph as cg
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Counts, numbers_in_bar
 from choreograph.core.timebase import NET_FPS, frames_to_seconds
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import WITHIN_BEATS, downbeat_share, signed_errors_beats
 from choreograph.evaluation.metrics.counts import evaluate as counts_scores
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.formats.register import import_takes
 from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.store import RepertoireFile

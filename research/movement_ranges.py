@@ -27,8 +27,7 @@ import numpy as np
 import choreograph as cg
 from choreograph.core.files import atomic_path
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.movement import ALL_REAL, Range, cells_beside
-from choreograph.evaluation.movement_measures import MEASURES, measured, windows_of
+from choreograph.evaluation.movement import ALL_REAL, MEASURES, Range, cells_beside, measured, windows_of
 from choreograph.formats import choreonet
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import BODY_JOINTS, body_pos_at, body_pos_m

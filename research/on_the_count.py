@@ -29,13 +29,12 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.core.counts import Counts, numbers_in_bar
-from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import beat, count_phase, counts, motion_beat_detectors
+from choreograph.evaluation.metrics import beat, counts
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.evaluation.results import EXPERT, REAL, MeasuredDance
-from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
+from choreograph.evaluation.run import EvaluationConfig, Variant, evaluate_variants
 from choreograph.evaluation.scores import DancedPhases
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts
-from choreograph.evaluation.variants import Variant
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bars import track_bars
 from choreograph.music.beats import DEFAULT_TRACKER, get_beat_tracker
@@ -160,7 +159,7 @@ def dance_lines(engine: str, dances: Sequence[MeasuredDance], *, judged: bool) -
 def phases_by_genre(
     dances: Sequence[DancedPhases], experts: Sequence[DancedPhases], rng: np.random.Generator
 ) -> dict[str, dict[str, float]]:
-    """`count_phase.evaluate` of all dances of a genre together against its experts, by genre.
+    """`counts.evaluate_phases` of all dances of a genre together against its experts, by genre.
 
     A single dance has few motion beats, so that much of its distance is chance. Genres without a dance or
     without experts' dances to two songs are left out.
@@ -170,7 +169,7 @@ def phases_by_genre(
         danced = np.concatenate([d.phases for d in dances if d.genre == genre])
         known = [e for e in experts if e.genre == genre and len(e.phases)]
         if len(danced) and len({e.song for e in known}) > 1:
-            found[genre] = count_phase.evaluate(
+            found[genre] = counts.evaluate_phases(
                 danced, [e.phases for e in known], [e.song for e in known], rng
             )
     return found
@@ -213,7 +212,7 @@ def built_in_lines(repertoire: cg.Repertoire, config: cg.DanceConfig) -> list[Li
         row = counts.evaluate(*pair)
         level = counts.evaluate_chance(*pair, duration_s=truth.duration_s, rng=rng)
         row |= {f"{name}_chance": value for name, value in level.items()}
-        row |= motion_beat_detectors.evaluate(body_pos_m(made.motion), made.motion.fps, beats.times_s)
+        row |= beat.evaluate_detectors(body_pos_m(made.motion), made.motion.fps, beats.times_s)
         mel = log_mel(song.samples)
         tracked = get_beat_tracker().beats(song, mel)
         bars = track_bars(song.samples, mel, tracked)

@@ -23,9 +23,9 @@ import numpy as np
 import choreograph as cg
 from choreograph.core.numerics import Floats, Indices, chi_square_distance
 from choreograph.core.timebase import NET_FPS, WORD_FPS, WORD_FRAMES
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts, physical
 from choreograph.evaluation.metrics.structure import n_gram_chance, n_gram_share
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.library.vocabulary import (
     Vocabulary,
     dance_bounds_s,

@@ -26,9 +26,8 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.core.errors import ChoreographError
-from choreograph.evaluation.danced_counts import danced_counts
-from choreograph.evaluation.metrics import contact_scores, counts, endings, front, physical, requests
-from choreograph.evaluation.plan_scores import tempo_scores, transition_times_s
+from choreograph.evaluation.metrics import counts, front, physical, structure, transitions
+from choreograph.evaluation.plan_scores import danced_counts, tempo_scores, transition_times_s
 from choreograph.formats.dance_with_melody import read
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
@@ -54,12 +53,12 @@ def motion_row(motion: Motion, joins_s: np.ndarray, front_rad: float = 0.0) -> d
         "last°": faces["last_heading_deg"],
         "to front": faces["ends_to_front"],
         "off 4x3": front.outside_share(places_m, 4.0, 3.0),
-        "frozen": endings.frozen_ends_share(pos, fps),
-        "still": endings.frozen_ends_share(pos, fps, frozen_m_s=endings.HELD_M_S),
-        "lift cm": endings.closing_lift_cm(pos, fps),
+        "frozen": transitions.frozen_ends_share(pos, fps),
+        "still": transitions.frozen_ends_share(pos, fps, frozen_m_s=transitions.HELD_M_S),
+        "lift cm": transitions.closing_lift_cm(pos, fps),
         "slide": physical.foot_slide_ratio_at(pos, fps, joins_s, **near),
         "jerk": physical.jerk_ratio_at(pos, fps, joins_s, **near),
-        "pfc": contact_scores.evaluate(pos, fps)["pfc"],
+        "pfc": physical.evaluate_contacts(pos, fps)["pfc"],
         "jumps": physical.jumps_per_minute(pos, fps),
     }
 
@@ -112,12 +111,12 @@ def seed_table(
         everything += rows
         bodies = [body_pos_m(dance.motion) for dance in made]
         distances = [
-            requests.joint_distance_m(bodies[i], bodies[j], made[0].motion.fps)
+            structure.joint_distance_m(bodies[i], bodies[j], made[0].motion.fps)
             for i, j in combinations(range(seeds), 2)
         ]
         rotated = [np.roll(body, len(body) // 2, axis=0) for body in bodies]
         chance = [
-            requests.joint_distance_m(bodies[i], rotated[j], made[0].motion.fps)
+            structure.joint_distance_m(bodies[i], rotated[j], made[0].motion.fps)
             for i, j in combinations(range(seeds), 2)
         ]
         away = " ".join(f"{row['away']:.2f}" for row in rows)
@@ -154,7 +153,7 @@ def genre_table(songs: dict[str, cg.Song], repertoire: cg.Repertoire, engines: S
                 noted += share < 0.95 and bool(note)
                 if share < 0.95:
                     print(f"  {engine}: {genre} to {name}: {share:.2f}  {note}", flush=True)
-        chance = np.mean([requests.genre_share(in_repertoire, lengths, genre) for genre in genres])
+        chance = np.mean([structure.genre_share(in_repertoire, lengths, genre) for genre in genres])
         kept = np.mean(np.array(shares) >= 0.95)
         print(
             f"{engine}: asked for a genre {len(shares)} times: share of it {np.mean(shares):.2f} (chance "
@@ -175,10 +174,10 @@ def asked(song: cg.Song, repertoire: cg.Repertoire, genre: str, engine: str) -> 
         return float("nan"), notes
     if plan.words and not plan.seconds:
         words = [word.credits.genre for word in plan.words]
-        return requests.genre_share(words, np.ones(len(words)), genre), notes
+        return structure.genre_share(words, np.ones(len(words)), genre), notes
     parts = [(block.planned.credits.genre, block.end_s - block.start_s) for block in plan.blocks]
     names, lengths_s = zip(*parts, strict=True)
-    return requests.genre_share(names, lengths_s, genre), notes
+    return structure.genre_share(names, lengths_s, genre), notes
 
 
 def shipped_and_unseen(folder: Path, duration_s: float) -> Iterator[cg.Song]:

@@ -38,7 +38,7 @@ from choreograph.choreography.rollout import generation
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.dance_scores import read_count_scores
 from choreograph.evaluation.metrics import beat
-from choreograph.evaluation.metrics.motion_beat_detectors import beats_by_detector, our_beats_s, scores_of
+from choreograph.evaluation.metrics.beat import beats_by_detector, detector_scores, our_beats_s
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, joint_jerk_m_s3
 from choreograph.evaluation.songs import SongMusic, find_songs, song_music
 from choreograph.library.schema import rollout_names
@@ -131,7 +131,7 @@ def ablated(
                     "motifs as asked": np.nan if name == "real" else np.mean(danced == asked[: len(danced)]),
                     "aligned": beat.aligned_share(kinematic, beats),
                     "ratio": beat.beat_ratio(kinematic, beats),
-                    "F": scores_of(by_detector, beats)["f_score_mean"],
+                    "F": detector_scores(by_detector, beats)["f_score_mean"],
                     "read": read.get("counts_read_within", np.nan),
                     "read 1": read.get("downbeat_share_read", np.nan),
                     "slide cm/s": foot_slide_cm_s(body, motion.fps),

@@ -13,7 +13,7 @@ from scipy.signal import welch
 from scipy.spatial import ConvexHull, QhullError
 
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.movement_measures import LEG_JOINTS, Window, correlation, from_mean
+from choreograph.evaluation.movement import LEG_JOINTS, Window, correlation, from_mean
 from choreograph.motion.body import BODY_JOINTS, mirrored
 from research.unseen_measure_parts import MeasureSet, between_feet_m, landings, pelvis_aside_m
 

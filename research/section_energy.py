@@ -28,9 +28,13 @@ import choreograph as cg
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts, energy_response
-from choreograph.evaluation.plan_scores import plan_scores, transition_scores, transition_times_s
+from choreograph.evaluation.plan_scores import (
+    danced_counts,
+    plan_scores,
+    transition_scores,
+    transition_times_s,
+)
 from choreograph.evaluation.scores import physical_scores
 from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import body_pos_m

@@ -19,9 +19,8 @@ from pathlib import Path
 
 import choreograph as cg
 from choreograph.evaluation.results import METRICS, MeasuredDance
-from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
+from choreograph.evaluation.run import EvaluationConfig, Variant, evaluate_variants
 from choreograph.evaluation.songs import find_songs
-from choreograph.evaluation.variants import Variant
 from research.variants import with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")

@@ -21,8 +21,8 @@ import numpy as np
 import soundfile
 
 import choreograph as cg
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.plan.plan import Plan
 from content.songs.known_songs import SPLICED_SONGS, SplicedSong

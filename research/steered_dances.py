@@ -24,7 +24,7 @@ import choreograph as cg
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import chi_square_distance
 from choreograph.evaluation.metrics import beat
-from choreograph.evaluation.metrics.motion_beat_detectors import savitzky_golay_beats_s
+from choreograph.evaluation.metrics.beat import savitzky_golay_beats_s
 from choreograph.formats.dance_with_melody import read
 from choreograph.library.vocabulary import segment_words, signature
 from choreograph.motion.body import body_pos_m

@@ -34,8 +34,8 @@ from choreograph.choreography.constraints import Ban
 from choreograph.core.counts import FROM_MOTION, NO_COUNTS, Counts
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within, downbeat_share
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.evaluation.songs import find_songs
 from choreograph.library.building.counting import SURE_MOTION_CONFIDENCE
 from choreograph.library.builtin import MAX_MOTION_UNCERTAINTY, MIN_MOTION_CONFIDENCE, pretrained_set

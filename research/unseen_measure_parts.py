@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from choreograph.evaluation.movement_measures import Window
+from choreograph.evaluation.movement import Window
 
 
 @dataclass(frozen=True)

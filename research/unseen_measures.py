@@ -24,8 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.movement import ALL_REAL, Range
-from choreograph.evaluation.movement_measures import Window, windows_of
+from choreograph.evaluation.movement import ALL_REAL, Range, Window, windows_of
 from choreograph.formats import choreonet
 from choreograph.formats.register import import_takes
 from choreograph.motion.body import body_pos_at, body_pos_m

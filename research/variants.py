@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
-from choreograph.evaluation import variants as shipped
+from choreograph.evaluation import run as shipped
+from choreograph.evaluation.run import Variant
 from choreograph.evaluation.songs import EvaluatedSong
-from choreograph.evaluation.variants import Variant
 from choreograph.formats.register import annotate_takes
 from choreograph.pipeline import published
 from choreograph.settings import DanceConfig

@@ -32,9 +32,8 @@ from choreograph.core.files import check_target, folder_beside
 if TYPE_CHECKING:
     from choreograph.core.progress import ProgressReport
     from choreograph.evaluation.results import Cell, Evaluation
-    from choreograph.evaluation.run import EvaluationConfig
+    from choreograph.evaluation.run import EvaluationConfig, KeptDances
     from choreograph.evaluation.songs import EvaluatedSong
-    from choreograph.evaluation.variants import KeptDances
 
 # The modes of the command: dances that it makes to songs, and dances in files.
 _SONGS, _FILES = "songs", "files"
@@ -139,9 +138,8 @@ def command(
     DANCE and SONG may be folders. Each DANCE folder has the dances of one system, named as the songs.
     """
     from choreograph.evaluation.results import to_json
-    from choreograph.evaluation.run import EvaluationConfig
+    from choreograph.evaluation.run import EvaluationConfig, variants_named
     from choreograph.evaluation.songs import find_songs
-    from choreograph.evaluation.variants import variants_named
     from choreograph.music.beats import DEFAULT_TRACKER
 
     if (folder is None and not files) or len(files) == 1:
@@ -204,7 +202,7 @@ def _of_dances(
     measured = motions if others else motions[name]
     evaluation = evaluate(measured, loaded, name=name, beats=beats, repertoire=repertoire)
     if page is not None:
-        from choreograph.evaluation.side_by_side import write_side_by_side
+        from choreograph.evaluation.report import write_side_by_side
 
         assert evaluation.example is not None
         named = {Path(name).name: motion for name, motion in motions.items()}
@@ -267,7 +265,7 @@ def _files_by_name(folder: Path) -> dict[str, Path]:
 @contextmanager
 def _kept(output: Path | None, resume: bool) -> Iterator[KeptDances | None]:
     """The dances that are kept beside the output. Prints the folder if a run ends before all are made."""
-    from choreograph.evaluation.variants import kept_dances
+    from choreograph.evaluation.run import kept_dances
 
     if output is None:
         yield None

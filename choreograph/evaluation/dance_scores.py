@@ -16,10 +16,11 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path
 from choreograph.core.numerics import default_numerics
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.danced_counts import CountedDance, counted_share
 from choreograph.evaluation.plan_scores import (
+    CountedDance,
     DancedMotifs,
     MotifScorer,
+    counted_share,
     plan_scores,
     tempo_scores,
     transition_scores,

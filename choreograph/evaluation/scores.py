@@ -14,19 +14,17 @@ from choreograph.core.numerics import Floats
 from choreograph.core.timebase import NET_FPS, STORE_FPS
 from choreograph.evaluation.metrics import (
     beat,
-    count_phase,
     counts,
-    endings,
     energy_response,
     fid,
     frechet,
     front,
     labels,
-    motion_beat_detectors,
     physical,
-    requests,
+    structure,
+    transitions,
 )
-from choreograph.evaluation.metrics.motion_beat_detectors import our_beats_s
+from choreograph.evaluation.metrics.beat import our_beats_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion import Motion
@@ -86,10 +84,10 @@ def beat_scores(motion: Motion, music_beats_s: Floats, rng: np.random.Generator)
     pos_m = body_pos_m(motion)
     music = np.asarray(music_beats_s, np.float64)
     music = music[music <= motion.duration_s]
-    by_detector = motion_beat_detectors.beats_by_detector(pos_m, motion.fps)
+    by_detector = beat.beats_by_detector(pos_m, motion.fps)
     motion_beats_s, kinematic_s = by_detector["ours"], by_detector["savitzky_golay"]
     values = beat.evaluate(motion_beats_s, music) | beat.evaluate_published(pos_m, motion.fps, music)
-    values |= _by_detector(motion_beat_detectors.scores_of(by_detector, music))
+    values |= _by_detector(beat.detector_scores(by_detector, music))
     values |= {f"{name}_published": score(kinematic_s, music) for name, score in _OF_KINEMATIC_BEATS.items()}
     if len(motion_beats_s) == 0 or len(music) == 0:
         return Scores(values)
@@ -102,9 +100,7 @@ def beat_scores(motion: Motion, music_beats_s: Floats, rng: np.random.Generator)
             score, published_s, music, duration_s=duration_s, rng=rng, rounds=rounds
         )
     chance |= _by_detector(
-        motion_beat_detectors.evaluate_chance(
-            by_detector, music, duration_s=duration_s, rng=rng, rounds=rounds
-        )
+        beat.evaluate_detectors_chance(by_detector, music, duration_s=duration_s, rng=rng, rounds=rounds)
     )
     if len(kinematic_s):
         chance["aligned_share_published"] = beat.chance_level(
@@ -117,8 +113,8 @@ def second_opinion_scores(motion: Motion, danced: Counts, music_beats_s: Floats)
     """F-score of all detectors and the share of counts on beats, by the beats (Q,) of a second tracker."""
     music = np.asarray(music_beats_s, np.float64)
     music = music[music <= motion.duration_s]
-    by_detector = motion_beat_detectors.beats_by_detector(body_pos_m(motion), motion.fps)
-    scores = {"f_score_mean_second": motion_beat_detectors.scores_of(by_detector, music)["f_score_mean"]}
+    by_detector = beat.beats_by_detector(body_pos_m(motion), motion.fps)
+    scores = {"f_score_mean_second": beat.detector_scores(by_detector, music)["f_score_mean"]}
     if len(danced) and len(music) > 1:
         scores["counts_within_second"] = counts.counts_within(danced.times_s, music)
     return Scores(scores)
@@ -140,7 +136,7 @@ def ending_scores(motion: Motion, music: Counts) -> Scores:
     strong_s = music.downbeat_times_s if music.has_bars else music.times_s
     strong_s = strong_s[strong_s <= motion.duration_s]
     last_strong_s = float(strong_s[-1]) if len(strong_s) else None
-    values = endings.evaluate(body_pos_m(motion), motion.fps, last_strong_s)
+    values = transitions.evaluate_ends(body_pos_m(motion), motion.fps, last_strong_s)
     return Scores({name: value for name, value in values.items() if np.isfinite(value)})
 
 
@@ -186,7 +182,7 @@ def seed_scores(body_m: Floats, of_song: Sequence[Floats]) -> Scores:
         return Scores({})
     rotated = [np.roll(other_m, len(other_m) // 2, axis=0) for other_m in others]
     values, chance = (
-        float(np.mean([requests.joint_distance_m(body_m, other_m, NET_FPS) for other_m in given]))
+        float(np.mean([structure.joint_distance_m(body_m, other_m, NET_FPS) for other_m in given]))
         for given in (others, rotated)
     )
     return Scores({"seed_distance_m": values}, {"seed_distance_m": chance})
@@ -235,7 +231,7 @@ class DancedPhases:
 def danced_phases(motion: Motion, music_beats_s: Floats, genre: str, song: str) -> DancedPhases:
     """Phases of the beats of a motion. `genre` and `song` are those of the song."""
     motion_beats_s = our_beats_s(body_pos_m(motion), motion.fps)
-    return DancedPhases(genre, song, count_phase.phases(motion_beats_s, music_beats_s))
+    return DancedPhases(genre, song, counts.phases(motion_beats_s, music_beats_s))
 
 
 def phase_scores(dance: DancedPhases, experts: Sequence[DancedPhases], rng: np.random.Generator) -> Scores:
@@ -246,7 +242,7 @@ def phase_scores(dance: DancedPhases, experts: Sequence[DancedPhases], rng: np.r
     others = [e for e in experts if e.genre == dance.genre and e.song != dance.song and len(e.phases)]
     if len({e.song for e in others}) < 2 or len(dance.phases) == 0:
         return Scores({})
-    scores = count_phase.evaluate(dance.phases, [e.phases for e in others], [e.song for e in others], rng)
+    scores = counts.evaluate_phases(dance.phases, [e.phases for e in others], [e.song for e in others], rng)
     values = {name: scores[name] for name in ("phase_distance", "phase_nearness")}
     return Scores(
         {name: value for name, value in values.items() if np.isfinite(value)},

@@ -13,8 +13,8 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import sha256_of
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.metrics.energy_response import section_loudness_db
+from choreograph.evaluation.plan_scores import CountedDance
 from choreograph.evaluation.results import EXPERT
 from choreograph.formats.register import import_takes
 from choreograph.library.repertoire import Repertoire

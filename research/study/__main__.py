@@ -25,8 +25,8 @@ from choreograph.cli.present import examples, printable, say, stages, table_cons
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, check_target
 from choreograph.core.progress import counted
+from choreograph.evaluation.run import variants_named
 from choreograph.evaluation.songs import find_songs
-from choreograph.evaluation.variants import variants_named
 from choreograph.library.repertoire import as_repertoire
 from choreograph.studio.ratings import KEY_NAME
 from research.study.results import Difference, Score, StudyResults, read_study

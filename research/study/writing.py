@@ -20,8 +20,8 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_apart
 from choreograph.core.progress import ProgressReport
 from choreograph.evaluation.results import REAL
+from choreograph.evaluation.run import Variant, dance_variant
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
-from choreograph.evaluation.variants import Variant, dance_variant
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import retarget, share_skeleton

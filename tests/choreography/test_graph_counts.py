@@ -20,9 +20,9 @@ import choreograph as cg
 from choreograph.choreography.enforcement import danced_motifs
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import STORE_FPS
-from choreograph.evaluation.danced_counts import counted_share, danced_counts
 from choreograph.evaluation.metrics.counts import signed_errors_beats
-from choreograph.evaluation.metrics.endings import closing_speed_m_s, opening_speed_m_s
+from choreograph.evaluation.metrics.transitions import closing_speed_m_s, opening_speed_m_s
+from choreograph.evaluation.plan_scores import counted_share, danced_counts
 from choreograph.library.vocabulary import dance_bounds_s
 from choreograph.motion.body import body_pos_m
 

@@ -17,8 +17,8 @@ from choreograph.choreography.material import Material, target_goal
 from choreograph.choreography.slots import resolve
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.core.errors import NoPathError, ParameterError, RepertoireError
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics import counts
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.music.count_grids import coming_to_rest_s

@@ -16,7 +16,7 @@ from synthetic_repertoire import (
 import choreograph as cg
 from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import numbers_in_bar
-from choreograph.evaluation.metrics import phrase_returns
+from choreograph.evaluation.metrics import structure
 from choreograph.music.form import Form, Phrase
 from choreograph.settings import WEIGHTS
 
@@ -81,10 +81,10 @@ def returned_share(dance: cg.Dance) -> float:
     blocks = dance.plan.blocks
     pieces_s = np.array([(b.start_s, b.end_s, b.source_start_s, b.source_end_s) for b in blocks])
     starts_s = PHRASE_S * np.arange(3)
-    shares = phrase_returns.same_shares(
+    shares = structure.same_shares(
         [block.planned.take for block in blocks], pieces_s, np.stack([starts_s, starts_s + PHRASE_S], axis=1)
     )
-    return phrase_returns.return_mean(shares, LETTERS)
+    return structure.return_mean(shares, LETTERS)
 
 
 def test_a_phrase_returns_with_the_music(dance, repertoire):

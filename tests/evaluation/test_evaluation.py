@@ -14,8 +14,8 @@ from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_cou
 from choreograph.core.counts import NO_COUNTS, Counts, numbers_in_bar
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.evaluation.dance_scores import evaluate
-from choreograph.evaluation.danced_counts import CountedDance
 from choreograph.evaluation.plan_scores import (
+    CountedDance,
     DancedMotifs,
     MotifScorer,
     plan_scores,
@@ -24,10 +24,15 @@ from choreograph.evaluation.plan_scores import (
 )
 from choreograph.evaluation.report import write_report
 from choreograph.evaluation.results import FAMILIES, METRICS, number_text, tables, to_json
-from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
+from choreograph.evaluation.run import (
+    VARIANTS,
+    EvaluationConfig,
+    dance_variant,
+    evaluate_variants,
+    variants_named,
+)
 from choreograph.evaluation.scores import energy_scores
 from choreograph.evaluation.songs import beats_of, find_songs, read_experts, song_music
-from choreograph.evaluation.variants import VARIANTS, dance_variant, variants_named
 from choreograph.formats.register import save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.music.bars import tempo_bpm

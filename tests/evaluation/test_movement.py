@@ -15,13 +15,17 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.movement import (
     ALL_REAL,
+    MEASURES,
+    WINDOW_S,
     Range,
+    Window,
     cells_beside,
+    measured,
     movement,
     movement_table,
     real_ranges,
+    windows_of,
 )
-from choreograph.evaluation.movement_measures import MEASURES, WINDOW_S, Window, measured, windows_of
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.writing import write_repertoire
 from choreograph.motion.body import BODY_JOINTS, body_pos_m, mirrored

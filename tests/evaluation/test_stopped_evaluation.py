@@ -14,9 +14,8 @@ from synthetic_repertoire import synthetic_repertoire, write_clicks
 from choreograph.core.errors import NoPathError, RepertoireError
 from choreograph.evaluation import run as run_module
 from choreograph.evaluation.results import to_json
-from choreograph.evaluation.run import EvaluationConfig, evaluate_variants
+from choreograph.evaluation.run import EvaluationConfig, dance_variant, evaluate_variants, kept_dances
 from choreograph.evaluation.songs import find_songs
-from choreograph.evaluation.variants import dance_variant, kept_dances
 from research.variants import variants_named
 
 pytestmark = pytest.mark.slow

@@ -9,10 +9,10 @@ import pytest
 
 import choreograph as cg
 from choreograph.core.timebase import SAMPLE_RATE_HZ
-from choreograph.evaluation.danced_counts import danced_counts
 from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.evaluation.metrics.energy_response import speed_within_m_s
 from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jumps_per_minute
+from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.song import load_song
 from choreograph.music.synthesis.composition import Section

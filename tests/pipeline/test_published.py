@@ -20,7 +20,7 @@ import choreograph as cg
 from choreograph.choreography.graph import engine, segments
 from choreograph.choreography.graph.costs import DEFAULT_WEIGHTS
 from choreograph.core.errors import ParameterError, RepertoireError
-from choreograph.evaluation.variants import dance_variant
+from choreograph.evaluation.run import dance_variant
 from choreograph.formats.register import import_takes, save_motion
 from choreograph.library.repertoire import Repertoire
 from choreograph.library.vocabulary import poses_at

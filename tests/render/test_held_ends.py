@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from synthetic_motions import swaying
 
-from choreograph.evaluation.metrics.endings import frozen_ends_share
+from choreograph.evaluation.metrics.transitions import frozen_ends_share
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.motion.contacts import sole_pos_m

@@ -8,7 +8,7 @@ from synthetic_motions import stepping
 
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics.endings import closing_speed_m_s, opening_speed_m_s
+from choreograph.evaluation.metrics.transitions import closing_speed_m_s, opening_speed_m_s
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
 from research.pieces_on_beats import Piece, place_pieces

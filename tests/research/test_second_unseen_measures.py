@@ -8,7 +8,7 @@ from synthetic_motions import standing_body
 
 from choreograph.core.counts import Counts, make_counts, numbers_in_bar
 from choreograph.core.timebase import NET_FPS
-from choreograph.evaluation.movement_measures import windows_of
+from choreograph.evaluation.movement import windows_of
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import BODY_JOINTS
 from research import second_unseen_measures as second

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from synthetic_motions import standing_body
 
-from choreograph.evaluation.movement import ALL_REAL
-from choreograph.evaluation.movement_measures import MEASURES, windows_of
+from choreograph.evaluation.movement import ALL_REAL, MEASURES, windows_of
 from choreograph.motion.body import BODY_JOINTS
 from research import unseen_measures as unseen
 

@@ -9,7 +9,7 @@ import pytest
 from synthetic_repertoire import synthetic_takes, with_counts
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation import variants as shipped
+from choreograph.evaluation import run as shipped
 from choreograph.evaluation.songs import EvaluatedSong
 from research import variants
 from research.variants import GROUPS, VARIANTS, variants_named

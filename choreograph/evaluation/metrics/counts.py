@@ -10,20 +10,38 @@ The counts of a take are known from its annotation or data set. They are not det
 metrics do not depend on a motion-beat detector. They depend on the given beats. A dance at half the tempo has
 every count on a beat, so compare `counts_per_beat` with the shares. Metrics that cannot be measured are nan:
 all without counts or with fewer than two music beats, and those of bars if the bars of one side are unknown.
+
+The phase of a motion beat is from 0 (on the beat) to 1 (the next beat), so 0.9 is just early. A histogram
+(`N_BINS`,) of shares has its first bin centred on the beat and is circular: the last bin is next to the
+first. Dancers rest where their genre's technique has them rest, which is rarely on the beat itself, so a
+dance is compared with experts of its genre, not with the beat. The distance is the earth mover's on the
+circle, in beats. It says how far motion beats would have to be moved on average. It is at most 0.5 beat, and
+0.25 between beats at one place and uniform ones. The χ² distance of a shift by one bin would equal that of
+half a beat, and would depend on where bins end.
+
+A distance between finite samples is never 0. So a dance is compared with one half of the experts' dances,
+which are split by song. The chance level (uniformly random phases) and the floor (the other half of the
+experts) are compared with the same half, with as many phases each, over many splits. All three are large if
+there are few dances.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, default_numerics
+from choreograph.evaluation.metrics.frechet import halves
 
 Numbers = NDArray[np.int64]
 
 WITHIN_BEATS = 0.15
 MIN_SHIFT_S = 1.0  # of the chance level
+SAME_TEMPO = 0.04  # tempi that differ by less are the same, as in the evaluation of tempo trackers
+_TEMPO_INTERVALS = 5  # intervals between counts whose median is the tempo there
 _DRIFT_COUNTS = 8  # fewer counts make no drift
 
 
@@ -203,6 +221,39 @@ def beat_positions(times_s: ArrayLike, beats_s: ArrayLike) -> Floats:
     return before + (times - beats[before]) / (beats[before + 1] - beats[before])
 
 
+def outside_tempi_share(
+    count_times_s: ArrayLike, low_bpm: ArrayLike, high_bpm: ArrayLike, *, tolerance: float = SAME_TEMPO
+) -> float:
+    """Share of the time between counts (Q,) at a tempo outside of a range, 0 to 1. Lower is better.
+
+    The range is that of the tempi of the takes of the genre: one for the whole dance, or one for each
+    interval between two counts, (Q - 1,). The tempo at an interval is the median over five intervals. A
+    tempo outside by less than `tolerance` counts as inside. The result is nan with fewer than two counts.
+
+    Examples
+    --------
+    >>> counts_s = np.concatenate([np.arange(0.0, 10.0, 0.5), np.arange(10.0, 20.0, 0.4)])  # 120, then 150
+    >>> round(cg.metrics.counts.outside_tempi_share(counts_s, low_bpm=100.0, high_bpm=130.0), 2)
+    0.49
+    """
+    times_s = np.asarray(count_times_s, np.float64)
+    if times_s.ndim != 1 or not np.isfinite(times_s).all() or (np.diff(times_s) <= 0).any():
+        raise ParameterError(f"expected increasing, finite counts in seconds, got shape {times_s.shape}")
+    intervals_s = np.diff(times_s)
+    low, high = (np.asarray(bound, np.float64) for bound in (low_bpm, high_bpm))
+    if not all(bound.shape in ((), intervals_s.shape) for bound in (low, high)):
+        raise ParameterError(
+            f"expected one range of tempi, or {len(intervals_s)}, got {low.shape} and {high.shape}"
+        )
+    if not ((low >= 0).all() and (low <= high).all()):
+        raise ParameterError("expected ranges of tempi of 0 or more, each from a lower to a higher one")
+    if len(intervals_s) == 0:
+        return float("nan")
+    bpm = 60.0 / _running_median(intervals_s)
+    outside = (bpm < low * (1.0 - tolerance)) | (bpm > high * (1.0 + tolerance))
+    return float(intervals_s[outside].sum() / intervals_s.sum())
+
+
 @default_numerics()
 def evaluate(
     danced_s: ArrayLike, danced_numbers: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike
@@ -283,6 +334,14 @@ def uniform_chance(metre: int) -> dict[str, float]:
     }  # fmt: skip
 
 
+def _running_median(values: Floats) -> Floats:
+    """Median of each value (N,) and the two on either side of it, which are fewer at the ends."""
+    reach = _TEMPO_INTERVALS // 2
+    padded = np.pad(values, reach, constant_values=np.nan)
+    medians: Floats = np.nanmedian(np.lib.stride_tricks.sliding_window_view(padded, _TEMPO_INTERVALS), axis=1)
+    return medians
+
+
 def _numbers_under_ones(
     danced_s: ArrayLike, danced_numbers: ArrayLike, beats_s: ArrayLike, beat_numbers: ArrayLike
 ) -> tuple[Numbers, Floats]:
@@ -313,3 +372,131 @@ def _mean(values: NDArray[np.floating] | NDArray[np.bool_]) -> float:
     """Mean of the values that are not nan, or nan if there are none."""
     known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
     return float(known.mean()) if len(known) else float("nan")
+
+
+# Phase of motion beats within the count, the place between two beats where a body rests.
+
+
+PHASE_ROUNDS = 50  # splits of the experts
+_PHASE_NAMES = ("phase_distance", "phase_distance_chance", "phase_distance_halves", "phase_nearness")
+N_BINS = 8  # of 60 to 90 ms at a dance's tempo, no finer than motion beats are detected
+
+
+def validate_phases(phases: ArrayLike) -> None:
+    """Raise `ParameterError` unless phases (Q,) are from 0 to 1.
+
+    Examples
+    --------
+    >>> cg.metrics.counts.validate_phases([0.0, 0.5])
+    >>> cg.metrics.counts.validate_phases([1.5])
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected phases (Q,) from 0 to 1, got an array of (1,)
+    """
+    given = np.asarray(phases, np.float64)
+    if given.ndim != 1 or not ((given >= 0) & (given <= 1)).all():
+        raise ParameterError(f"expected phases (Q,) from 0 to 1, got an array of {given.shape}")
+
+
+def phases(motion_beats_s: ArrayLike, beats_s: ArrayLike) -> Floats:
+    """Phases (Q',) of the motion beats between the first and the last of the music beats.
+
+    Examples
+    --------
+    >>> cg.metrics.counts.phases([0.5, 1.1, 9.0], beats_s=[0.0, 0.5, 1.0, 1.5])
+    array([0. , 0.2])
+    """
+    position = beat_positions(motion_beats_s, beats_s)
+    position = position[(position >= 0) & (position <= np.size(beats_s) - 1)]
+    return position % 1.0
+
+
+def phase_histogram(phases: ArrayLike, *, n_bins: int = N_BINS) -> Floats:
+    """Shares (n_bins,) of the phases (Q,) by bin. The first bin is centred on the beat. nan without phases.
+
+    Examples
+    --------
+    >>> cg.metrics.counts.phase_histogram([0.0, 0.98, 0.5, 0.51], n_bins=4)
+    array([0.5, 0. , 0.5, 0. ])
+    """
+    validate_phases(phases)
+    given = np.asarray(phases, np.float64)
+    if len(given) == 0:
+        return np.full(n_bins, np.nan)
+    nearest_bin = np.floor(given * n_bins + 0.5).astype(int) % n_bins
+    return np.bincount(nearest_bin, minlength=n_bins) / len(given)
+
+
+def phase_distance(a: ArrayLike, b: ArrayLike) -> float:
+    """Earth mover's distance on the circle between two histograms (K,) of shares, in beats, 0 to 0.5.
+
+    Lower is better. What flows over each border between bins is the difference of the cumulative shares, up
+    to a constant that flows round the whole circle. Its best value is the median of the differences (Werman
+    et al., 1986). The result is nan if a share is nan. Raises `ParameterError` unless both histograms have
+    the same number of bins and sum to 1.
+
+    Examples
+    --------
+    >>> on_beat, between = [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]
+    >>> distance = cg.metrics.counts.phase_distance
+    >>> distance(on_beat, on_beat), distance(on_beat, between), distance(on_beat, [0.25] * 4)
+    (0.0, 0.5, 0.25)
+    """
+    shares = [np.asarray(h, np.float64) for h in (a, b)]
+    if shares[0].ndim != 1 or shares[0].shape != shares[1].shape:
+        raise ParameterError(f"expected two histograms (K,), got {shares[0].shape} and {shares[1].shape}")
+    if any(np.isnan(h).any() for h in shares):
+        return float("nan")
+    if any((h < 0).any() or abs(h.sum() - 1.0) > 1e-6 for h in shares):
+        raise ParameterError("expected histograms of shares that sum to 1, got others: counts, not shares?")
+    flow = np.cumsum(shares[0] - shares[1])
+    return float(np.abs(flow - np.median(flow)).mean())
+
+
+@default_numerics()
+def evaluate_phases(
+    danced_phases: ArrayLike,
+    expert_dances: Sequence[ArrayLike],
+    expert_songs: Sequence[str],
+    rng: np.random.Generator,
+    *,
+    rounds: int = PHASE_ROUNDS,
+) -> dict[str, float]:
+    """Mean distances to a random half of the phases of the experts, each of whose dances is to a song.
+
+    Distances are those of the danced phases (Q,), of uniformly random ones (`_chance`) and of the other half
+    (`_halves`). Lower is better. `phase_nearness` is 0 at chance and 1 at the distance of the halves. It is
+    nan if the halves are no nearer to each other than chance, because those experts share no phase. All
+    values are nan without danced phases, or with dances of experts to fewer than two songs.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> early = [rng.normal(0.8, 0.03, 80) for _ in range(5)]  # all rest just before the beat
+    >>> scores = cg.metrics.counts.evaluate_phases(early[0], early[1:], ["a", "b", "c", "d"], rng)
+    >>> scores["phase_nearness"] > 0.9
+    True
+    """
+    validate_phases(danced_phases)
+    danced = np.asarray(danced_phases, np.float64)
+    known = [
+        (np.asarray(d, np.float64), s) for d, s in zip(expert_dances, expert_songs, strict=True) if np.size(d)
+    ]
+    if len(danced) == 0 or len({song for _, song in known}) < 2:
+        return dict.fromkeys(_PHASE_NAMES, float("nan"))
+    found = []
+    for _ in range(rounds):
+        one, other = (
+            np.concatenate([known[i][0] for i in half]) for half in halves([song for _, song in known], rng)
+        )
+        n = min(len(danced), len(one))
+        samples = (
+            rng.choice(danced, n, replace=False),
+            rng.uniform(0, 1, n),
+            rng.choice(one, n, replace=False),
+        )
+        reference = phase_histogram(other)
+        found.append([phase_distance(phase_histogram(sample), reference) for sample in samples])
+    distance, chance, halved = np.mean(found, axis=0)  # (3,) from (rounds, 3)
+    nearness = (chance - distance) / (chance - halved) if chance > halved else float("nan")
+    return dict(zip(_PHASE_NAMES, map(float, (distance, chance, halved, nearness)), strict=True))

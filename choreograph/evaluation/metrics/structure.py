@@ -5,7 +5,14 @@ Conventions: a dance is a sequence of motifs (N,), numbered from 0, with increas
 sections of a song are bounds (S + 1,) in seconds and labels (S,). Equal labels mean the same music.
 Signatures and motif transitions follow Rhythm is a Dancer (sections 3.4 and 4.3). That paper compares
 signatures, but does not measure how a dance follows the sections of its song. `section_agreement` is ours,
-and so is `n_gram_share`: a dance whose motifs are in a random order has the same signature.
+and so is `n_gram_share`: a dance whose motifs are in a random order has the same signature. `genre_share` and
+`joint_distance_m` tell whether a requested genre is danced, and whether dances differ by seed.
+
+The phrases of a song are spans (P, 2) in seconds, in order, with labels (P,). Equal labels mean the same
+music, count by count. Phrases are compared at equal shares of their length, which are equal counts at a
+steady tempo. Poses are compared in the root frame, so that place and heading do not count. The form must be
+the true one, and not the one that the dance was planned with. None of these metrics is from the papers.
+
 Input that does not fit raises `ParameterError`.
 """
 
@@ -16,11 +23,13 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.arguments import is_whole
 from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyInts, Floats, chi_square_distance, default_numerics
+from choreograph.core.timebase import NET_FPS
+from choreograph.motion.body import body_pos_at, checked_body_pos_m, to_root_frame
 
 STEP_S = 0.25  # time step at which a take is compared with itself
 SAME_S = 0.5  # two warps of one clip differ by up to this much at the same moment of the take
@@ -196,6 +205,44 @@ def distinct_takes_per_minute(takes: Sequence[str], duration_s: float) -> float:
     if not (np.isfinite(duration_s) and duration_s > 0):
         raise ParameterError(f"expected a duration above 0 s, got {duration_s}")
     return len(set(takes)) * 60.0 / duration_s
+
+
+def genre_share(genres: Sequence[str], lengths: ArrayLike, genre: str) -> float:
+    """Share of the length of the parts (N,) that is of a genre, 0 to 1. Higher is better.
+
+    Chance is the share of the genre in the repertoire, which is the same function of its takes and lengths.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.genre_share(["waltz", "salsa", "waltz"], [3.0, 1.0, 4.0], "waltz")
+    0.875
+    """
+    length = np.asarray(lengths, np.float64)
+    if length.shape != (len(genres),) or not np.isfinite(length).all() or (length < 0).any():
+        raise ParameterError(f"expected a length of 0 or more for each of {len(genres)} parts, got {length}")
+    total = float(length.sum())
+    if total == 0.0:
+        return float("nan")
+    return float(length[np.array([name == genre for name in genres])].sum()) / total
+
+
+def joint_distance_m(body_pos_m: Floats, other_pos_m: Floats, fps: float) -> float:
+    """Mean distance of the joints of two dances (T, 21, 3) and (T', 21, 3) at the same time, in metres.
+
+    It is 0 for the same dance. Each pose is first moved to heading 0 above the origin, so that the place on
+    the stage does not matter. The longer dance is cut. Chance is the distance of one of the dances to the
+    other, shifted in time.
+
+    Examples
+    --------
+    >>> pos_m = np.random.default_rng(0).normal(size=(40, 21, 3))
+    >>> moved_m = pos_m + [3.0, 0.0, 1.0]
+    >>> round(cg.metrics.structure.joint_distance_m(pos_m, moved_m, 20.0), 6)
+    0.0
+    """
+    one, other = (to_root_frame(body_pos_at(pos_m, fps, NET_FPS)) for pos_m in (body_pos_m, other_pos_m))
+    n_frames = min(len(one), len(other))
+    return float(np.linalg.norm(one[:n_frames] - other[:n_frames], axis=-1).mean())
 
 
 def motifs_by_section(motifs: AnyInts, starts_s: Floats, section_bounds_s: Floats) -> list[AnyInts]:
@@ -381,3 +428,186 @@ def _checked_pieces(takes: Sequence[str], pieces_s: Floats) -> Floats:
     if (np.diff(rows[:, 0]) <= 0).any() or (rows[:, 1] <= rows[:, 0]).any():
         raise ParameterError("expected pieces in the order of the dance, each ending after its start")
     return rows
+
+
+# Phrases that return: whether a dance returns with the phrases of its song, and differs between them.
+
+
+N_INSTANTS = 64  # at which two phrases are compared, four a count in a phrase of four bars of four
+SAME_FIGURE_S = 0.25  # two moments of a take that are closer are the same figure
+
+Labels = Sequence[str] | AnyInts
+
+
+def validate_phrases(phrases_s: Floats, labels: Labels) -> None:
+    """Raise `ParameterError` unless these are phrases (P, 2) in order, and a label for each.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.validate_phrases(np.array([[0.0, 8.0], [8.0, 16.0]]), ["A", "B"])
+    >>> cg.metrics.structure.validate_phrases(np.array([[0.0, 8.0], [8.0, 8.0]]), ["A", "B"])
+    Traceback (most recent call last):
+        ...
+    choreograph.core.errors.ParameterError: expected phrases in order, each ending after its start
+    """
+    spans = np.asarray(phrases_s, np.float64)
+    if spans.shape != (len(labels), 2) or len(labels) == 0 or not np.isfinite(spans).all():
+        raise ParameterError(f"expected finite phrases ({len(labels)}, 2), got an array {spans.shape}")
+    if (spans[:, 1] <= spans[:, 0]).any() or (spans[1:, 0] < spans[:-1, 1] - 1e-9).any():
+        raise ParameterError("expected phrases in order, each ending after its start")
+
+
+def pose_distances_m(body_pos_m: Floats, fps: float, phrases_s: Floats) -> Floats:
+    """Mean distance of the joints at the same instants of any two phrases, (P, P) in metres.
+
+    `body_pos_m` (T, 21, 3) are the body joints of the dance. Instants after the end of the dance are compared
+    by its last pose.
+
+    Examples
+    --------
+    >>> low, high = np.zeros((2, 60, 21, 3))
+    >>> low[:, 1, 0], low[:, 2, 0], high[:] = 0.1, -0.1, low[:]  # the hips, which give the heading
+    >>> high[:, 20, 1] = 2.1  # one joint of 21 is higher
+    >>> dance = np.concatenate([low, high, low])
+    >>> phrases_s = np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]])
+    >>> cg.metrics.structure.pose_distances_m(dance, 60.0, phrases_s).round(1)[0].tolist()
+    [0.0, 0.1, 0.0]
+    """
+    spans = np.asarray(phrases_s, np.float64)
+    validate_phrases(spans, np.arange(len(spans)))
+    pose_m = to_root_frame(checked_body_pos_m(body_pos_m, fps))  # (T, 21, 3)
+    frames = np.clip(np.rint(_instants_s(spans) * fps).astype(np.int64), 0, len(pose_m) - 1)  # (P, I)
+    of_phrases = pose_m[frames]  # (P, I, 21, 3)
+    return np.stack(
+        [np.linalg.norm(of_phrases - one, axis=-1).mean(axis=(1, 2)) for one in of_phrases]
+    )  # one row at a time, for memory
+
+
+def same_shares(takes: Sequence[str], pieces_s: Floats, phrases_s: Floats) -> Floats:
+    """Share of the instants at which two phrases are at the same moment of the same take, (P, P), 0 to 1.
+
+    Examples
+    --------
+    >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4], [8, 12, 10, 14]])
+    >>> phrases_s = np.array([[0.0, 4.0], [4.0, 8.0], [8.0, 12.0]])
+    >>> cg.metrics.structure.same_shares(["a", "b", "a"], pieces_s, phrases_s)[0].tolist()
+    [1.0, 0.0, 1.0]
+    """
+    spans = np.asarray(phrases_s, np.float64)
+    validate_phrases(spans, np.arange(len(spans)))
+    take, source_s = source_at(takes, pieces_s, _instants_s(spans))  # (P, I)
+    same = (take[:, None] == take) & (np.abs(source_s[:, None] - source_s) <= SAME_FIGURE_S)
+    shares: Floats = same.mean(axis=2)
+    return shares
+
+
+def shared_between_sections(
+    takes: Sequence[str], pieces_s: Floats, phrases_s: Floats, labels: Labels
+) -> float:
+    """Share of the instants whose moment of a take is danced in a phrase with another label, too, 0 to 1.
+
+    It may be danced there at any place. Lower is more varied.
+
+    Examples
+    --------
+    >>> pieces_s = np.array([[0, 4, 10, 14], [4, 8, 0, 4], [8, 12, 12, 16]])
+    >>> phrases_s = np.array([[0.0, 4.0], [4.0, 8.0], [8.0, 12.0]])
+    >>> shared = cg.metrics.structure.shared_between_sections
+    >>> [round(shared(["a", "b", "a"], pieces_s, phrases_s, labels), 1) for labels in ("ABA", "ABC")]
+    [0.0, 0.4]
+    """
+    validate_phrases(phrases_s, labels)
+    take, source_s = (x.ravel() for x in source_at(takes, pieces_s, _instants_s(np.asarray(phrases_s))))
+    label = np.repeat(_numbered(labels), N_INSTANTS)
+    same = (take[:, None] == take) & (np.abs(source_s[:, None] - source_s) <= SAME_FIGURE_S)
+    return float((same & (label[:, None] != label)).any(axis=1).mean())
+
+
+def return_mean(values: Floats, labels: Labels) -> float:
+    """Mean of `values` (P, P) over the phrases that return, each with the first phrase of its label.
+
+    The result is nan if no phrase returns.
+
+    Examples
+    --------
+    >>> values = np.array([[0.0, 3.0, 1.0], [3.0, 0.0, 3.0], [1.0, 3.0, 0.0]])
+    >>> returns = cg.metrics.structure
+    >>> returns.return_mean(values, "ABA"), returns.other_mean(values, "ABA")
+    (1.0, 3.0)
+    """
+    table, number = _checked_pairs(values, labels)
+    first = np.array([number.tolist().index(label) for label in number])
+    again = np.flatnonzero(first < np.arange(len(number)))
+    return float(table[again, first[again]].mean()) if len(again) else float("nan")
+
+
+def other_mean(values: Floats, labels: Labels) -> float:
+    """Mean of `values` (P, P) over all pairs of phrases with different labels. It is nan if there are none.
+
+    It is what `return_mean` would be by chance, of a dance that does not depend on the form.
+
+    Examples
+    --------
+    >>> cg.metrics.structure.other_mean(np.array([[0.0, 3.0], [3.0, 0.0]]), "AB")
+    3.0
+    """
+    table, number = _checked_pairs(values, labels)
+    differ = number[:, None] != number
+    return float(table[differ].mean()) if differ.any() else float("nan")
+
+
+@default_numerics()
+def evaluate_returns(
+    body_pos_m: Floats,
+    fps: float,
+    takes: Sequence[str],
+    pieces_s: Floats,
+    *,
+    phrases_s: Floats,
+    labels: Labels,
+) -> dict[str, float]:
+    """The metrics of phrases that return, by name.
+
+    Examples
+    --------
+    >>> still = np.zeros((180, 21, 3))
+    >>> still[:, 1, 0], still[:, 2, 0] = 0.1, -0.1
+    >>> scores = cg.metrics.structure.evaluate_returns(
+    ...     still, 60.0, ["a", "b", "a"], np.array([[0, 1, 5, 6], [1, 2, 0, 1], [2, 3, 5, 6]]),
+    ...     phrases_s=np.array([[0.0, 1.0], [1.0, 2.0], [2.0, 3.0]]), labels="ABA",
+    ... )
+    >>> scores["returned_share"], scores["returned_share_chance"]
+    (1.0, 0.0)
+    """
+    validate_phrases(phrases_s, labels)
+    distances_m = pose_distances_m(body_pos_m, fps, phrases_s)
+    shares = same_shares(takes, pieces_s, phrases_s)
+    returned_m, others_m = return_mean(distances_m, labels), other_mean(distances_m, labels)
+    return {
+        "return_distance_m": returned_m,
+        "other_distance_m": others_m,
+        "return_distance_ratio": returned_m / others_m if others_m > 0 else float("nan"),
+        "returned_share": return_mean(shares, labels),
+        "returned_share_chance": other_mean(shares, labels),
+        "shared_between_sections": shared_between_sections(takes, pieces_s, phrases_s, labels),
+    }
+
+
+def _instants_s(phrases_s: Floats) -> Floats:
+    """The instants (P, I) at which phrases are compared."""
+    shares = (np.arange(N_INSTANTS) + 0.5) / N_INSTANTS
+    instants_s: Floats = phrases_s[:, :1] + shares * (phrases_s[:, 1:] - phrases_s[:, :1])
+    return instants_s
+
+
+def _numbered(labels: Labels) -> NDArray[np.int64]:
+    """Labels (P,) as numbers."""
+    return np.unique(list(labels), return_inverse=True)[1].astype(np.int64)
+
+
+def _checked_pairs(values: Floats, labels: Labels) -> tuple[Floats, NDArray[np.int64]]:
+    """Values (P, P) of pairs of phrases, and the numbers of the labels."""
+    table = np.asarray(values, np.float64)
+    if table.shape != (len(labels), len(labels)) or len(labels) == 0 or not np.isfinite(table).all():
+        raise ParameterError(f"expected finite values ({len(labels)}, {len(labels)}), got {table.shape}")
+    return table, _numbered(labels)

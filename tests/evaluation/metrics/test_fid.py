@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation.metrics import fid, frechet, geometric_relations
+from choreograph.evaluation.metrics import fid, frechet
 from choreograph.formats.register import import_takes
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import Motion
@@ -274,7 +274,7 @@ def test_golden():
 
 
 def test_the_tables_differ_in_the_corrections_only():
-    same = [a == b for a, b in zip(geometric_relations.PUBLISHED, geometric_relations.CORRECTED, strict=True)]
+    same = [a == b for a, b in zip(fid.PUBLISHED_RELATIONS, fid.CORRECTED_RELATIONS, strict=True)]
     assert [i for i, equal in enumerate(same) if not equal] == [0, 4, 5, 9, 10, 11, 14, 15, 27]
 
 

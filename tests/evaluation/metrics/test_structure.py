@@ -10,10 +10,14 @@ import pytest
 from golden.regenerate import golden, structure_scores
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from synthetic_motions import stepping, swaying
 
 import choreograph as cg
 from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics import structure
+from choreograph.evaluation.metrics.counts import outside_tempi_share
+from choreograph.evaluation.metrics.structure import genre_share, joint_distance_m
+from choreograph.motion.body import body_pos_m
 
 NONE = np.zeros(0, np.int64)
 
@@ -235,3 +239,212 @@ def test_repeat_f_is_mir_evals_pairwise_f():
         found, true = rng.integers(12, size=(2, 40))
         *_, expected = mir_eval.segment.pairwise(frames, true, frames, found, frame_size=1.0)
         assert structure.repeat_f(found, true) == pytest.approx(expected)
+
+
+# Returns: dances that repeat with their song, that never repeat, and that repeat elsewhere.
+
+
+PHRASE_S = 4.0
+FPS = 20.0
+
+
+def spans(n: int) -> np.ndarray:
+    starts_s = PHRASE_S * np.arange(n)
+    return np.stack([starts_s, starts_s + PHRASE_S], axis=1)
+
+
+def pieces_of_phrases(*source_starts_s: float) -> np.ndarray:
+    """One piece for each phrase, from these times of its take."""
+    source = np.array(source_starts_s)
+    return np.hstack([spans(len(source)), np.stack([source, source + PHRASE_S], axis=1)])
+
+
+def danced(letters: str) -> np.ndarray:
+    """Body positions (T, 21, 3) of a dance with other steps for each letter."""
+    n = round(PHRASE_S * FPS)
+    parts = {
+        letter: body_pos_m(stepping(n, fps=FPS, period_s=0.5 + 0.1 * i, seed=i))
+        for i, letter in enumerate(sorted(set(letters)))
+    }
+    return np.concatenate([parts[letter] for letter in letters])
+
+
+@pytest.fixture(scope="module")
+def scores():
+    """Scores of a dance for the form ABAB, by what is danced."""
+    sources = {"a": 0.0, "b": 10.0, "c": 20.0, "d": 30.0}
+
+    def of(letters: str) -> dict[str, float]:
+        return structure.evaluate_returns(
+            danced(letters), FPS, ["take"] * len(letters),
+            pieces_of_phrases(*(sources[letter] for letter in letters)),
+            phrases_s=spans(len(letters)), labels="ABAB",
+        )  # fmt: skip
+
+    return {letters: of(letters) for letters in ("abab", "abcd", "aabb", "aaaa")}
+
+
+def test_a_dance_that_returns_with_its_song_is_perfect(scores):
+    perfect = scores["abab"]
+    assert perfect["return_distance_m"] == pytest.approx(0.0, abs=1e-9)
+    assert perfect["other_distance_m"] > 0.01
+    assert perfect["return_distance_ratio"] == pytest.approx(0.0, abs=1e-6)
+    assert (perfect["returned_share"], perfect["returned_share_chance"]) == (1.0, 0.0)
+    assert perfect["shared_between_sections"] == 0.0
+
+
+def test_a_dance_that_never_returns_scores_as_by_chance(scores):
+    medley = scores["abcd"]
+    assert medley["return_distance_ratio"] > 0.5
+    assert medley["returned_share"] == medley["returned_share_chance"] == 0.0
+
+
+def test_a_dance_that_repeats_elsewhere_is_no_better(scores):
+    wrong = scores["aabb"]
+    assert wrong["returned_share"] == 0.0
+    assert wrong["return_distance_ratio"] > 1.0
+    assert wrong["returned_share_chance"] == pytest.approx(0.5)
+    assert wrong["shared_between_sections"] == 1.0
+
+
+def test_one_phrase_over_and_over_returns_by_chance(scores):
+    same = scores["aaaa"]
+    assert same["returned_share"] == same["returned_share_chance"] == same["shared_between_sections"] == 1.0
+    assert np.isnan(same["return_distance_ratio"])
+
+
+def test_place_and_heading_do_not_count():
+    body = danced("ab")
+    turned = body @ np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]) + [2.0, 0.0, 1.0]
+    distances_m = structure.pose_distances_m(np.concatenate([body, turned]), FPS, spans(4))
+    assert distances_m[0, 2] < 1e-6 < distances_m[0, 1]
+    assert np.allclose(distances_m, distances_m.T)
+
+
+def test_moments_within_a_quarter_of_a_second_are_the_same():
+    shares = [
+        structure.same_shares(["t", "t"], pieces_of_phrases(0.0, shift_s), spans(2))[0, 1]
+        for shift_s in (0.2, 0.3)
+    ]
+    assert shares == [1.0, 0.0]
+    assert structure.same_shares(["t", "u"], pieces_of_phrases(0.0, 0.0), spans(2))[0, 1] == 0.0
+
+
+def test_without_returns_or_other_phrases_there_is_no_value():
+    values = np.zeros((3, 3))
+    assert np.isnan(structure.return_mean(values, "ABC"))
+    assert np.isnan(structure.other_mean(values, "AAA"))
+
+
+@pytest.mark.parametrize(
+    ("phrases_s", "labels"),
+    [
+        (np.zeros((0, 2)), ""),
+        (spans(2), "A"),
+        (spans(2)[::-1], "AB"),
+        (np.array([[0.0, 1.0], [0.5, 2.0]]), "AB"),
+        (np.array([[0.0, np.nan]]), "A"),
+    ],
+)
+def test_malformed_phrases_are_refused(phrases_s, labels):
+    with pytest.raises(ParameterError, match=r"expected .*phrases"):
+        structure.validate_phrases(phrases_s, labels)
+    with pytest.raises(ParameterError, match=r"expected .*phrases"):
+        structure.shared_between_sections(["t"], pieces_of_phrases(0.0), phrases_s, labels)
+
+
+def test_malformed_values_are_refused():
+    with pytest.raises(ParameterError, match=r"expected finite values \(2, 2\)"):
+        structure.return_mean(np.zeros((2, 3)), "AB")
+    with pytest.raises(ParameterError, match=r"expected finite values \(2, 2\)"):
+        structure.other_mean(np.full((2, 2), np.nan), "AB")
+    with pytest.raises(ParameterError, match="body positions"):
+        structure.pose_distances_m(np.zeros((10, 3)), FPS, spans(2))
+
+
+# Requests: shares of genres, planted tempi, distances of dances, nothing, malformed input.
+
+
+NET_FPS = 30.0
+
+
+def test_genre_share_perfect_and_none():
+    assert genre_share(["waltz", "waltz"], [2.0, 5.0], "waltz") == 1.0
+    assert genre_share(["house", "salsa"], [2.0, 5.0], "waltz") == 0.0
+    assert genre_share(["house", "waltz"], [3.0, 1.0], "waltz") == 0.25
+
+
+def test_genre_share_of_nothing():
+    assert np.isnan(genre_share([], [], "waltz"))
+    assert np.isnan(genre_share(["waltz"], [0.0], "waltz"))
+
+
+@pytest.mark.parametrize("lengths", [[1.0], [1.0, -1.0], [1.0, np.nan], [[1.0, 2.0]]])
+def test_genre_share_malformed(lengths):
+    with pytest.raises(ParameterError, match="a length") as raised:
+        genre_share(["waltz", "house"], lengths, "waltz")
+    assert "\n" not in str(raised.value)
+
+
+def test_tempo_inside_and_outside():
+    counts_s = np.arange(0.0, 20.0, 0.5)  # 120 a minute
+    assert outside_tempi_share(counts_s, 100.0, 130.0) == 0.0
+    assert outside_tempi_share(counts_s, 130.0, 140.0) == 1.0
+    assert outside_tempi_share(counts_s, 123.0, 140.0) == 0.0  # within 4 %
+    assert outside_tempi_share(counts_s, 123.0, 140.0, tolerance=0.0) == 1.0
+
+
+def test_tempo_range_of_each_interval():
+    counts_s = np.arange(0.0, 20.5, 0.5)  # 40 intervals
+    low = np.where(np.arange(40) < 10, 150.0, 100.0)  # ten danced with takes of a faster genre
+    assert outside_tempi_share(counts_s, low, 200.0) == 0.25
+
+
+def test_one_count_too_many_at_a_join_is_no_tempo():
+    counts_s = np.insert(np.arange(0.0, 20.0, 0.5), 10, 4.7)
+    assert outside_tempi_share(counts_s, 110.0, 130.0) == 0.0
+
+
+def test_tempo_of_nothing():
+    assert np.isnan(outside_tempi_share([], 100.0, 130.0))
+    assert np.isnan(outside_tempi_share([1.0], 100.0, 130.0))
+
+
+@pytest.mark.parametrize(
+    ("counts_s", "low", "high"),
+    [
+        ([0.0, 0.5, 0.4], 100.0, 130.0),
+        ([0.0, np.nan], 100.0, 130.0),
+        ([0.0, 0.5, 1.0], 130.0, 100.0),
+        ([0.0, 0.5, 1.0], np.nan, 100.0),
+        ([0.0, 0.5, 1.0], [100.0], 130.0),
+        ([0.0, 0.5, 1.0], -1.0, 130.0),
+    ],
+)
+def test_tempo_malformed(counts_s, low, high):
+    with pytest.raises(ParameterError) as raised:
+        outside_tempi_share(counts_s, low, high)
+    assert "\n" not in str(raised.value)
+
+
+def test_the_same_dance_elsewhere_is_no_other_dance():
+    dance = swaying(90, fps=NET_FPS)
+    moved = dance.moved(yaw_rad=2.0, shift_m=np.array([1.0, 0.0, -3.0]))
+    assert joint_distance_m(body_pos_m(dance), body_pos_m(moved), NET_FPS) == pytest.approx(0.0, abs=1e-9)
+    assert joint_distance_m(body_pos_m(dance), body_pos_m(stepping(90, fps=NET_FPS)), NET_FPS) > 0.01
+
+
+def test_distance_known_by_hand():
+    pos = body_pos_m(swaying(60, fps=NET_FPS))
+    arm = pos.copy()
+    arm[:, 20, 1] += 0.21  # a wrist, one of 21 joints
+    assert joint_distance_m(pos, arm, NET_FPS) == pytest.approx(0.01)
+    assert joint_distance_m(pos, arm[:30], NET_FPS) == pytest.approx(0.01, rel=1e-3)  # the longer one is cut
+
+
+def test_distance_malformed():
+    pos = body_pos_m(swaying(10, fps=NET_FPS))
+    for one, other, fps in ((pos, pos[:0], NET_FPS), (pos[:, :5], pos, NET_FPS), (pos, pos, 0.0)):
+        with pytest.raises(ParameterError) as raised:
+            joint_distance_m(one, other, fps)
+        assert "\n" not in str(raised.value)

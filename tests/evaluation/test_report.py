@@ -9,8 +9,8 @@ from synthetic_motions import stepping, swaying
 from synthetic_repertoire import write_clicks
 
 from choreograph.core.errors import ParameterError
-from choreograph.evaluation import side_by_side
-from choreograph.evaluation.side_by_side import write_side_by_side
+from choreograph.evaluation import report
+from choreograph.evaluation.report import write_side_by_side
 from choreograph.formats.register import save_motion
 from choreograph.music.song import load_song
 
@@ -26,7 +26,7 @@ def test_dances_stand_from_left_to_right_and_end_together(tmp_path, song, monkey
     def keep(path, motion, plan, **given):
         written.update(given, motions=[motion, *given["others"]], plan=plan)
 
-    monkeypatch.setattr(side_by_side, "write_page", keep)
+    monkeypatch.setattr(report, "write_page", keep)
     dances = {
         "a": stepping(90),
         "b": swaying(120).moved(shift_m=np.array([5.0, 0.0, 2.0])),
