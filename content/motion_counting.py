@@ -17,9 +17,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats, interpolate_frames
 from choreograph.core.timebase import NET_FPS, seconds_to_frames
 from choreograph.motion.body import mirrored
-from choreograph.nets.count_phases import MotionCountsNet, motion_features
 from choreograph.nets.motion_counts import N_CONFIDENCE, MotionCountsConfig
 from choreograph.nets.training import TrainingContext, train
+from content.count_networks import MotionCountsNet, motion_features
 from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
 _SHRINKAGE = 1.0  # of the weights, worth about a take

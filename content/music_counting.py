@@ -18,9 +18,9 @@ from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import MUSIC_FPS, seconds_to_frames
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import MusicCountsNet
 from choreograph.nets.music_counts import CURVE_FPS, MusicCounts, MusicCountsConfig, levelled
 from choreograph.nets.training import TrainingContext, load_pretrained, train
+from content.count_networks import MusicCountsNet
 from content.counted_phases import Phases, PhaseTargets, phase_loss, phases_at
 
 # Augmentation of log-mel as other recordings: other pitch, equalisation, room, noise, voice, breaks.

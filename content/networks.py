@@ -33,20 +33,15 @@ from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_networks
 from choreograph.motion.body import body_pos_m
 from choreograph.music.bar_pointer import decode_counts
-from choreograph.music.synthesis.song import TempoMap
-from choreograph.nets.count_phases import MotionCountsNet
-from choreograph.nets.motion_counts import (
-    POINTER,
-    MotionCountsConfig,
-    confidence_features,
-    motion_counts_config,
-)
+from choreograph.nets.motion_counts import POINTER, MotionCountsConfig, confidence_features
 from choreograph.nets.style import StyleNets
 from choreograph.nets.training import TrainingContext
+from content.count_networks import MotionCountsNet, motion_counts_config
 from content.motion_counting import CountedMotion, fit_confidence, train_motion_counts
 from content.moves.genres import GENRES
 from content.moves.sequencer import render_take
 from content.songs.danced_styles import DANCED
+from content.songs.synthesis.song import TempoMap
 from content.style_networks import built_in_style_takes, style_takes, train_shipped_style
 
 TAKES_PER_GENRE = 40

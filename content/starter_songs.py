@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from choreograph.library.builtin import SONGS_PATH
-from choreograph.music.synthesis.song import SyntheticSong, render_song, write_song
+from content.songs.synthesis.song import SyntheticSong, render_song, write_song
 
 _DURATION_S = 39.0
 _COMPRESSION = 0.85  # about 85 kbit/s

@@ -22,11 +22,11 @@ from choreograph.core.files import atomic_path
 from choreograph.core.progress import ProgressReport
 from choreograph.formats.manifest import COUNTS_SUFFIX, write_counts
 from choreograph.formats.register import save_motion
-from choreograph.music.synthesis.song import SyntheticSong, render_song, write_song
 from content.moves.genres import GENRES
 from content.moves.sequencer import RenderedTake, render_take
 from content.moves.stylings import Part, Way, finish, pause, ready, styled
 from content.songs.danced_styles import DANCED
+from content.songs.synthesis.song import SyntheticSong, render_song, write_song
 
 DURATION_S = 17.5
 SHORT_S = 10.0  # of takes that begin, end or pause

@@ -21,12 +21,12 @@ from choreograph.library.songs import DEFAULT_BEATS, SongCache, song_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.rhythm import rhythm_features
 from choreograph.music.song import Song
-from choreograph.music.synthesis.song import STYLES
-from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.nets.configs import StyleConfig, style_config
 from choreograph.nets.style import StyleNets
 from choreograph.nets.style_training import StyleSong, StyleTake, train_style
 from choreograph.nets.training import TrainingContext
+from content.songs.synthesis.song import STYLES
+from content.songs.synthesis.sounds import RATE_HZ
 from content.songs.training_songs import counted_song
 from content.starter_takes import take_specs, write_takes
 

@@ -37,8 +37,8 @@ from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.form import Form
 from choreograph.music.song_features import SongFeatures
-from choreograph.music.synthesis.sounds import RATE_HZ
 from content.songs.known_forms import FormSong
+from content.songs.synthesis.sounds import RATE_HZ
 from research.form_dances import RETURNING, Row, measured, true_form
 
 FROM_ZERO = 2.0

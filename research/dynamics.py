@@ -39,8 +39,8 @@ from choreograph.evaluation.plan_scores import danced_counts, transition_times_s
 from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import body_pos_m
 from choreograph.music.song import Song, load_song
-from choreograph.music.synthesis.composition import Section
-from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song, write_song
+from content.songs.synthesis.composition import Section
+from content.songs.synthesis.song import STYLES, SyntheticSong, render_song, write_song
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 FIRST_SEED = 9700  # of rendered songs: beyond those of all other songs

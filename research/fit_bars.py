@@ -41,9 +41,9 @@ from choreograph.evaluation.metrics.beat import f_score
 from choreograph.music import bars
 from choreograph.music.bars import ACCENT_NAMES, METRES, REPEAT_NAMES, beat_evidence
 from choreograph.music.mel import log_mel
-from choreograph.music.synthesis.song import STYLES, render_song
-from choreograph.music.synthesis.style import SongStyle
 from choreograph.nets.music_counts import network_beats, shipped_music_counts
+from content.songs.synthesis.song import STYLES, render_song
+from content.songs.synthesis.style import SongStyle
 from content.songs.training_songs import in_three, odd_metre_style
 
 FIRST_SEED, FIRST_ODD_SEED, N_ODD = 2000, 2300, 54  # songs of each odd metre

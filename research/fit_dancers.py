@@ -23,11 +23,11 @@ from choreograph.core.timebase import NET_FPS
 from choreograph.evaluation.metrics import beat
 from choreograph.evaluation.movement import ALL_REAL, Range, measured, real_ranges, windows_of
 from choreograph.motion.body import body_pos_m
-from choreograph.music.synthesis.song import SyntheticSong, render_song
 from content.moves.genres import GENRES
 from content.moves.sequencer import Genre, render_take
 from content.moves.stylings import styled
 from content.songs.danced_styles import DANCED
+from content.songs.synthesis.song import SyntheticSong, render_song
 from content.starter_takes import FPS, TakeSpec, beat_energies, take_specs
 from research.real_or_built_in import arguments
 from research.unseen_measures import by_genre, ranges_of, real_values, values_of

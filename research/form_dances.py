@@ -38,8 +38,8 @@ from choreograph.evaluation.metrics import counts, frechet, front, physical, str
 from choreograph.evaluation.plan_scores import danced_counts, transition_times_s
 from choreograph.motion.body import body_pos_m
 from choreograph.music.form import Form, Phrase
-from choreograph.music.synthesis.sounds import RATE_HZ
 from content.songs.known_forms import HELD_OUT_FORMS, UNIT_BARS, FormAudio, FormSong
+from content.songs.synthesis.sounds import RATE_HZ
 from research import passages_of_takes
 
 Row = dict[str, float]

@@ -42,7 +42,7 @@ from choreograph.library.songs import DEFAULT_BEATS, song_counts
 from choreograph.music.count_grids import SongGrid, TakeGrids
 from choreograph.music.mel import log_mel
 from choreograph.music.song_features import music_density
-from choreograph.nets.motion_counts import motion_counts_config
+from content.count_networks import motion_counts_config
 from content.networks import RecordedTake, Trial, built_in_takes, recorded_takes, trained
 from research.uncertain_counts import HELD_OUT, Reading, recounted
 

@@ -38,7 +38,6 @@ from choreograph.library.vocabulary import (
     signature,
     template,
     transition_matrix,
-    word_distance_m,
 )
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Take
@@ -242,10 +241,10 @@ def main() -> None:
         show_neighbours(net, known, unknown, truth_m)
         motifs, of_known = find_motifs(net.embed(own), seed=seed)
         medoids = own[motifs.words]
-        apart = (
-            word_distance_m(own, medoids[of_known]).mean(),
-            word_distance_m(own, medoids[np.roll(of_known, 999)]).mean(),
-        )
+        apart = [
+            np.linalg.norm(own - medoids[motif], axis=-1).mean()
+            for motif in (of_known, np.roll(of_known, 999))
+        ]
         print(f"  word to its motif {100 * apart[0]:.1f} cm, to another word's {100 * apart[1]:.1f} cm")
         labels = {d.take.name: motifs.nearest(net.embed(d.words.body_pos_m)) for d in everything}
         show_signatures(motifs, labels, known, unknown)

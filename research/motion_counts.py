@@ -44,13 +44,8 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import best_beat_sequence, get_beat_tracker
 from choreograph.music.mel import autocorrelations, log_mel
 from choreograph.music.song import load_song
-from choreograph.nets.motion_counts import (
-    POINTER,
-    TEMPI,
-    confidence_features,
-    confidence_of,
-    motion_counts_config,
-)
+from choreograph.nets.motion_counts import POINTER, TEMPI, confidence_features, confidence_of
+from content.count_networks import motion_counts_config
 from content.motion_counting import CountedMotion, fit_confidence
 from content.networks import (
     Trial,

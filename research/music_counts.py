@@ -40,8 +40,6 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import librosa_beats, tempo_path_beats
 from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.song import STYLES, render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.nets.music_counts import (
     POINTER,
     MusicCounts,
@@ -50,6 +48,8 @@ from choreograph.nets.music_counts import (
     read_music_counts,
 )
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import STYLES, render_song
+from content.songs.synthesis.sounds import RATE_HZ
 from content.songs.training_songs import FIRST_UNSEEN_SEED, KINDS, counted_song
 
 Method = Callable[[NDArray[np.float32], NDArray[np.float32]], Counts]  # of samples and log-mel

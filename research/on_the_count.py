@@ -40,8 +40,8 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import DEFAULT_TRACKER, get_beat_tracker
 from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.song import SyntheticSong, write_song
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import SyntheticSong, write_song
 from research.variants import with_counts
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")

@@ -31,7 +31,7 @@ from choreograph.evaluation.plan_scores import danced_counts, tempo_scores, tran
 from choreograph.formats.dance_with_melody import read
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 UNSEEN = ("hip-hop", "disco", "salsa")  # genres of the synthetic songs

@@ -23,9 +23,9 @@ from swapped_net import WithNet, ablated_net, bounds_of
 
 import choreograph as cg
 from choreograph.choreography.enforcement import danced_embeddings
-from choreograph.music.synthesis.song import render_song, write_song
 from choreograph.nets.rollout_poses import PosePredictor
 from choreograph.view.strip import draw_strip
+from content.songs.synthesis.song import render_song, write_song
 
 GENRE = "salsa"
 TEMPI_BPM = (155, 220)  # of figure 8

@@ -40,9 +40,9 @@ from choreograph.evaluation.songs import find_songs, song_music
 from choreograph.motion.body import body_pos_m
 from choreograph.motion.motion import Motion
 from choreograph.music.song import Song, load_song
-from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song, write_song
 from content.songs.known_songs import FIRST_SOFTENED_SEED as FIRST_SEED
 from content.songs.known_songs import softened_song
+from content.songs.synthesis.song import STYLES, SyntheticSong, render_song, write_song
 
 HELD_OUT = Path(__file__).with_name("dance_with_melody_held_out.txt")
 DURATION_S = 60.0

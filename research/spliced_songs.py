@@ -23,9 +23,9 @@ import soundfile
 import choreograph as cg
 from choreograph.evaluation.metrics import counts
 from choreograph.evaluation.plan_scores import danced_counts
-from choreograph.music.synthesis.sounds import RATE_HZ
 from choreograph.plan.plan import Plan
 from content.songs.known_songs import SPLICED_SONGS, SplicedSong
+from content.songs.synthesis.sounds import RATE_HZ
 from research import style_response
 
 Row = dict[str, float]

@@ -23,9 +23,9 @@ from choreograph.motion.body import body_pos_m
 from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.song import STYLES, render_song, write_song
 from choreograph.plan.plan import Plan
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import STYLES, render_song, write_song
 
 FPS = 60.0
 OTHER_TRACKER = {"tempo-path": "librosa", "librosa": "tempo-path", "beat-this": "librosa"}

@@ -33,7 +33,7 @@ import numpy as np
 
 from choreograph.choreography.edits import edit_slots
 from choreograph.library.vocabulary import dance_bounds_s
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 from research.studio_page import frames, page_times
 
 EDITS = "swap", "vary", "hold", "pin_take", "seam", "cut", "repeat"

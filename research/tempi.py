@@ -17,8 +17,8 @@ from choreograph.core.counts import Counts
 from choreograph.library.building.options import BuildOptions
 from choreograph.library.building.takes import measured_takes
 from choreograph.music.bars import tempo_bpm
-from choreograph.nets.motion_counts import motion_counts_config
 from choreograph.pipeline.counting import count_file
+from content.count_networks import motion_counts_config
 from content.networks import built_in_takes, recorded_takes, trained, trials_by_song
 
 WITHIN = 0.02  # of the true tempo

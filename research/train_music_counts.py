@@ -32,11 +32,12 @@ from choreograph.music.bars import track_bars
 from choreograph.music.beats import get_beat_tracker
 from choreograph.music.mel import log_mel
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.song import STYLES
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.nets.music_counts import music_counts_config, read_music_counts, write_music_counts
+from choreograph.nets.music_counts import read_music_counts, write_music_counts
 from choreograph.nets.training import TrainingContext, TrainingProgress
+from content.count_networks import music_counts_config
 from content.music_counting import CountedMel, train_music_counts
+from content.songs.synthesis.song import STYLES
+from content.songs.synthesis.sounds import RATE_HZ
 from content.songs.training_songs import FIRST_SEED, drawn_song, style_of
 
 N_SONGS = 480

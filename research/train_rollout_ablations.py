@@ -11,20 +11,21 @@ nothing.
 `published` is the network of Rhythm is a Dancer as printed (`choreograph.pipeline.published.ROLLOUT`), one
 for each genre, in NAME@GENRE.pt. `published-no-perceptual-loss` and `published-acLSTM` are the other columns
 of its Table 1. `as-built` and all that are named after what they lack are trained on the takes alone (`--set
-rollout_teacher=false`). `graph-dances-too` is trained on graph dances to their songs as well, and
-`synthesised-songs-too` also on those to synthesised songs, as with `build-db --rollout`. `counts-at-accents`
-has words, and beats of the music, at the accents of the motion instead of the counts. After a stop, the same
-command continues.
+rollout_teacher=false`). `graph-dances-too` is trained on graph dances to their songs as well, as with
+`build-db --rollout`, and `synthesised-songs-too` on one to each of their songs and as many to synthesised
+songs of their genres. `counts-at-accents` has words, and beats of the music, at the accents of the motion
+instead of the counts. After a stop, the same command continues.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 import choreograph as cg
@@ -41,11 +42,14 @@ from choreograph.nets.configs import rollout_config
 from choreograph.nets.rollout_training import RolloutTake, train_rollouts
 from choreograph.nets.training import TrainingContext, TrainingProgress
 from choreograph.nets.words import WordNet
-from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout
-from choreograph.settings import ROLLOUT, ROLLOUT_STEPS
+from choreograph.pipeline.building import AGAIN_PER_GENRE, dances_to_teach, graph_dances
+from choreograph.pipeline.published import ROLLOUT, ROLLOUT_STEPS
+from content.songs.synthesis.song import STYLES, render_song, write_song
 
 WITH_GRAPH_DANCES = "graph-dances-too"
 WITH_SYNTHESISED_SONGS = "synthesised-songs-too"
+SONG_S = 60.0  # of a synthesised song
+SEEDS_FROM = 70_000  # of synthesised songs, beyond those of songs that anything is measured on
 AT_ACCENTS = "counts-at-accents"
 PUBLISHED = {**ROLLOUT, "steps": ROLLOUT_STEPS["small"]}
 ABLATIONS = {
@@ -154,10 +158,30 @@ def train_networks(
 def taught(
     repertoire: cg.Repertoire, takes: Sequence[Take], folder: Path, name: str, seed: int
 ) -> list[Take]:
-    """Graph dances to the takes' songs, and to synthesised ones if `name` says so."""
+    """Graph dances to the takes' songs, or if `name` says so once to each, and to synthesised songs."""
+    wanted = dances_to_teach(takes)
     if name == WITH_SYNTHESISED_SONGS:
-        return teach_rollout(repertoire, takes, folder, beats=DEFAULT_TRACKER, seed=seed)
-    return graph_dances(repertoire, songs_of(takes), folder, beats=DEFAULT_TRACKER, seed=seed)
+        wanted = [one for one in wanted if one[2] == 0]
+        songs = synthesised_songs((genre for _, genre, _ in wanted), folder / "songs")
+        wanted += [(song, genre, 0) for song, genre in songs.items()]
+    return graph_dances(repertoire, wanted, folder, beats=DEFAULT_TRACKER, seed=seed)
+
+
+def synthesised_songs(genres: Iterable[str], folder: Path) -> dict[Path, str]:
+    """Synthesised songs of those `genres` that the synthesiser has, written to `folder`, with their genres.
+
+    Songs that are in the folder are not rendered again.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = [
+        (folder / f"{genre}-{i}.flac", genre, bpm, SEEDS_FROM + i)
+        for genre in sorted(set(genres) & set(STYLES))
+        for i, bpm in enumerate(np.linspace(*STYLES[genre].bpm, AGAIN_PER_GENRE))
+    ]
+    for path, genre, bpm, seed in wanted:
+        if not path.exists():
+            write_song(path, render_song(genre, bpm=bpm, duration_s=SONG_S, seed=seed))
+    return {path: genre for path, genre, _, _ in wanted}
 
 
 def as_learned(dances: Sequence[MeasuredTake], repertoire: cg.Repertoire) -> list[RolloutTake]:

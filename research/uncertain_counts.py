@@ -46,13 +46,8 @@ from choreograph.library.writing import Contents, write_repertoire
 from choreograph.music.bar_pointer import DecodedCounts, PhaseCurves, count_uncertainty, decode_counts
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song
-from choreograph.nets.motion_counts import (
-    POINTER,
-    MotionCounts,
-    confidence_features,
-    confidence_of,
-    motion_counts_config,
-)
+from choreograph.nets.motion_counts import POINTER, MotionCounts, confidence_features, confidence_of
+from content.count_networks import motion_counts_config
 from content.motion_counting import CountedMotion, fit_confidence
 from content.networks import (
     RecordedTake,

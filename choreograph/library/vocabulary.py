@@ -131,12 +131,6 @@ def poses_at(body_pos_m: NDArray[np.floating], fps: float, times_s: NDArray[np.f
     return interpolate_frames(np.asarray(body_pos_m, np.float64), times_to_frames(times_s, fps))
 
 
-def word_distance_m(a: NDArray[np.floating], b: NDArray[np.floating]) -> Floats:
-    """Mean joint distance (...) of words (..., 13, 21, 3), without alignment."""
-    result: Floats = np.linalg.norm(np.asarray(a, np.float64) - b, axis=-1).mean(axis=(-2, -1))
-    return result
-
-
 # Signatures and motif transitions of dances (Rhythm is a Dancer, sections 3.4 and 4.3).
 
 

@@ -6,7 +6,6 @@ skeleton of any rest pose in its bind pose, upright, with the measures that the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -26,11 +25,6 @@ _TRUNK = ("spine1", "spine2", "spine3", "neck", "head")
 _NEUTRAL_RAD = 0.8  # largest bend of a joint in a rest pose, and largest mean turn in a motion
 _LEVEL = 0.5  # least share of a foot's length, ankle to ball, that is level when it stands flat
 _BENT = 0.1  # mean sine of the bend of knee or elbow above which its axis is reliable
-
-
-def share_skeleton(motions: Sequence[Motion]) -> bool:
-    """Whether all motions are on the same skeleton and need no retargeting."""
-    return all(motion.skeleton.same_as(motions[0].skeleton) for motion in motions[1:])
 
 
 def retarget(motion: Motion, target: Skeleton) -> Motion:

@@ -1,1 +1,1 @@
-"""Songs: decoding, features, beats, bars, sections, and synthesis of songs with known counts."""
+"""Songs: decoding, features, beats, bars and sections."""

@@ -1,7 +1,7 @@
 """The networks of a dance without torch: the embedding of words, and the style of songs.
 
 torch takes over a second to import, which is longer than these networks need for a song. The torch modules of
-`nets.words`, `nets.style`, `nets.count_phases` and `nets.rollout` define the networks and train them. The
+`nets.words`, `nets.style` and `nets.rollout` define the networks and train them. The
 classes here and in `nets.music_counts`, `nets.motion_counts` and `nets.rollout_poses` read the weights of
 those modules, by the same names, and agree with them to rounding.
 """

@@ -167,7 +167,7 @@ def unit(x: Array) -> Array:
     return result
 
 
-# The trunk of the networks that estimate counts, `nets.count_phases.Trunk`.
+# The trunk of the networks that estimate counts, `content.count_networks.Trunk`.
 
 
 def trunk(x: Array, weights: Mapping[str, Array], n_blocks: int) -> Array:

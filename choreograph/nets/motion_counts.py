@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from choreograph.music.bar_pointer import (
     count_uncertainty,
     decode_counts,
 )
-from choreograph.nets.configs import config_from_preset
 from choreograph.nets.inference import TrainedNet
 from choreograph.nets.layers import Array, Shapes, conv1d, trunk, trunk_shapes
 from choreograph.nets.music_counts import KERNEL, N_OUTPUTS, curves_from
@@ -55,17 +53,6 @@ class MotionCountsConfig:
             )
         if not 0 < self.tempo_range[0] <= self.tempo_range[1]:
             raise ParameterError(f"expected a range of tempi above 0, got {self.tempo_range}")
-
-
-_MOTION_PRESETS = {
-    "small": MotionCountsConfig(),
-    "tiny": MotionCountsConfig(width=16, n_blocks=4, batch_size=4, window_s=8.0, steps=60),
-}
-
-
-def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
-    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
-    return config_from_preset(_MOTION_PRESETS, preset, changes)
 
 
 # Confidence of decoded counts: the share of them that is expected to be right.
@@ -137,7 +124,7 @@ ACROSS = tuple(
 
 
 class MotionCounts(TrainedNet):
-    """The trained network `nets.count_phases.MotionCountsNet`: body positions to phase curves and counts."""
+    """The trained `content.count_networks.MotionCountsNet`: body positions to phase curves and counts."""
 
     config_class = MotionCountsConfig
 

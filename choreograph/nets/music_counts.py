@@ -22,7 +22,6 @@ from choreograph.music.bar_pointer import METRES, PhaseCurves, PointerConfig, de
 from choreograph.music.beats import level_normalized, onset_strength, path_of
 from choreograph.music.mel import MEL_BANDS
 from choreograph.music.song import Song
-from choreograph.nets.configs import config_from_preset
 from choreograph.nets.inference import TrainedNet
 from choreograph.nets.layers import Shapes, conv1d, conv2d, elu, sigmoid, trunk, trunk_shapes
 
@@ -76,17 +75,6 @@ class MusicCountsConfig:
     activation_weight: float = 1.0  # of the activations, relative to the phases
 
 
-_MUSIC_PRESETS = {
-    "small": MusicCountsConfig(),
-    "tiny": MusicCountsConfig((4, 4), 8, 4, excerpt_s=8.0, batch_size=4, steps=60),
-}
-
-
-def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsConfig:
-    """A preset with fields changed. Raises `ParameterError` for an unknown name or field."""
-    return config_from_preset(_MUSIC_PRESETS, preset, changes)
-
-
 @dataclass(frozen=True, eq=False)
 class MusicCurves:
     """Outputs of the network at 30 fps. Frame i is at i / 30 s."""
@@ -97,7 +85,7 @@ class MusicCurves:
 
 
 class MusicCounts(TrainedNet):
-    """The trained network `nets.count_phases.MusicCountsNet`: log-mel at 60 fps to curves at 30 fps."""
+    """The trained network `content.count_networks.MusicCountsNet`: log-mel at 60 fps to curves at 30 fps."""
 
     config_class = MusicCountsConfig
 

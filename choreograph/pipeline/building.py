@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
@@ -19,7 +19,6 @@ from choreograph.library.building.build import build_repertoire
 from choreograph.library.building.options import BuildOptions, BuildResult, BuildSettings
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Credits, Take
-from choreograph.music.synthesis.song import STYLES, render_song, write_song
 from choreograph.pipeline.dancing import dance
 from choreograph.plan.plan import Plan
 from choreograph.render.rendering import render
@@ -31,45 +30,18 @@ from choreograph.core.errors import ParameterError
 from choreograph.library.building import growing
 from choreograph.library.building.options import ReadingSettings
 
-# Synthesised songs. The rollout network learns from graph dances to these and to the songs of the takes.
-#
-# A library may have only three songs of a genre. A network that is trained on these alone does not keep the
-# counts of other songs.
-
-
-SONG_S = 60.0
-SONGS_PER_GENRE = 8  # spread over the tempi of the genre
-_SEEDS_FROM = 70_000  # beyond those of songs that anything is measured on
-
-
-def synthesised_songs(
-    genres: Iterable[str], folder: Path, report: ProgressReport | None = None
-) -> dict[Path, str]:
-    """Synthesised songs of those `genres` that the synthesiser has, written to `folder`, with their genres.
-
-    Songs that are in the folder are not rendered again.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    wanted = [
-        (folder / f"{genre}-{i}.flac", genre, bpm, _SEEDS_FROM + i)
-        for genre in sorted(set(genres) & set(STYLES))
-        for i, bpm in enumerate(np.linspace(*STYLES[genre].bpm, SONGS_PER_GENRE))
-    ]
-    for index, (path, genre, bpm, seed) in enumerate(wanted):
-        if not path.exists():
-            write_song(path, render_song(genre, bpm=bpm, duration_s=SONG_S, seed=seed))
-        if report is not None:
-            report("synthesising songs for the rollout network to learn from", index + 1, len(wanted))
-    return {path: genre for path, genre, _, _ in wanted}
-
-
 # Graph dances that the rollout network learns from, beside the takes.
 #
-# The songs are those of the takes, and synthesised ones of their genres. Dancers of takes are not always on
-# the count. In a graph dance, every count is on a beat and every bar begins on a downbeat.
+# Dancers of takes are not always on the count. In a graph dance, every count is on a beat and every bar
+# begins on a downbeat. Every song of the takes is danced once. A library may have only three songs of a
+# genre, so these are then danced again, with other seeds.
 
 
 LONGEST_S = 180.0  # of each song
+AGAIN_PER_GENRE = 8  # further dances to the songs of a genre, in turn
+
+# A song, its genre, and the number of earlier dances to it.
+DanceToTeach = tuple[Path, str, int]
 
 
 def teach_rollout(
@@ -81,44 +53,48 @@ def teach_rollout(
     seed: int,
     report: ProgressReport | None = None,
 ) -> list[Take]:
-    """Dances to the songs of `takes` and to synthesised songs of their genres, as takes with counts.
+    """Dances to the songs of `takes`, and more to those of each genre, as takes with counts.
 
-    The list is empty if the repertoire has no clips. `folder` keeps the synthesised songs and the plans.
-    Raises `FormatError` if a song cannot be read.
+    The list is empty if the repertoire has no clips. `folder` keeps the plans. Raises `FormatError` if a song
+    cannot be read.
     """
     if repertoire.n_clips == 0:
         return []
-    songs = songs_of(takes)
-    songs |= synthesised_songs(songs.values(), folder / "songs", report)
-    return graph_dances(repertoire, songs, folder, beats=beats, seed=seed, report=report)
+    return graph_dances(repertoire, dances_to_teach(takes), folder, beats=beats, seed=seed, report=report)
 
 
-def songs_of(takes: Sequence[Take]) -> dict[Path, str]:
-    """The songs of `takes`, and the genre of the first take to each."""
+def dances_to_teach(takes: Sequence[Take]) -> list[DanceToTeach]:
+    """Each song of `takes` once, and `AGAIN_PER_GENRE` times one of each genre. A song has the genre of the
+    first take to it."""
     genres: dict[Path, str] = {}
     for take in takes:
         if take.song_path is not None:
             genres.setdefault(take.song_path, take.credits.genre)
-    return genres
+    again: list[DanceToTeach] = []
+    for genre in sorted(set(genres.values())):
+        songs = [song for song, of_song in genres.items() if of_song == genre]
+        again += [(songs[i % len(songs)], genre, 1 + i // len(songs)) for i in range(AGAIN_PER_GENRE)]
+    return [*((song, genre, 0) for song, genre in genres.items()), *again]
 
 
 def graph_dances(
     repertoire: Repertoire,
-    songs: Mapping[Path, str],
+    wanted: Sequence[DanceToTeach],
     folder: Path,
     *,
     beats: str,
     seed: int,
     report: ProgressReport | None = None,
 ) -> list[Take]:
-    """A dance of the graph engine to each song, of the genre given with it, as takes with counts.
+    """The wanted dances of the graph engine, as takes with counts.
 
-    `folder` keeps the plan of every dance, so that a stopped build can be resumed. It must belong to this
-    repertoire, these songs and these settings. Raises `FormatError` if a song cannot be read.
+    The seed of a dance is `seed`, plus the number of earlier dances to its song. `folder` keeps the plan of
+    every dance, so that a stopped build can be resumed. It must belong to this repertoire, these songs and
+    these settings. Raises `FormatError` if a song cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
     dances = []
-    for index, (song, genre) in enumerate(songs.items()):
+    for index, (song, genre, earlier) in enumerate(wanted):
         kept = folder / f"{index}.json"
         if not kept.exists():
             made = dance(
@@ -127,14 +103,14 @@ def graph_dances(
                 engine="graph",
                 genre=genre or None,
                 beats=beats,
-                seed=seed,
+                seed=seed + earlier,
                 duration_s=LONGEST_S,
             )
             with atomic_path(kept) as temporary:
                 temporary.write_text(made.plan.to_json(), encoding="utf-8")
         dances.append(_as_take(Plan.read(kept), repertoire, song, genre, f"graph dance {index}"))
         if report is not None:
-            report("dancing for the rollout network to learn from", index + 1, len(songs))
+            report("dancing for the rollout network to learn from", index + 1, len(wanted))
     return dances
 
 

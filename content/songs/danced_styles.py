@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from choreograph.music.synthesis.song import STYLES
-from choreograph.music.synthesis.style import Lane, SongStyle
+from content.songs.synthesis.song import STYLES
+from content.songs.synthesis.style import Lane, SongStyle
 
 _HOUSE = STYLES["house"]
 

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, numbers_in_bar
-from choreograph.music.synthesis.composition import Note, Section, Track, compose
-from choreograph.music.synthesis.mixing import mix_tracks
-from choreograph.music.synthesis.song import STYLES
-from choreograph.music.synthesis.style import STEPS_PER_BEAT, Lane, SongStyle
 from content.songs.metre_styles import METRE_STYLES
+from content.songs.synthesis.composition import Note, Section, Track, compose
+from content.songs.synthesis.mixing import mix_tracks
+from content.songs.synthesis.song import STYLES
+from content.songs.synthesis.style import STEPS_PER_BEAT, Lane, SongStyle
 
 # The seeds of the songs on which the detection was developed start at `FIRST_FORM_SEED`, those of the
 # held-out songs at `FIRST_HELD_OUT_SEED`. No network was trained on any of them.

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.numerics import Floats
-from choreograph.music.synthesis.composition import Section
-from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.music.synthesis.style import SongStyle
 from content.songs.metre_styles import METRE_STYLES
+from content.songs.synthesis.composition import Section
+from content.songs.synthesis.song import STYLES, SyntheticSong, render_song
+from content.songs.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.style import SongStyle
 
 # Songs with ground truth for tests and benchmarks. None of them is a song of the built-in takes.
 #

@@ -5,7 +5,7 @@ Beats of 5/4 are quarters. Beats of 6/8 and 7/8 are eighths. The groups of a bar
 
 from __future__ import annotations
 
-from choreograph.music.synthesis.style import Lane, Part, SongStyle
+from content.songs.synthesis.style import Lane, Part, SongStyle
 
 FIVE_JAZZ = SongStyle(
     name="jazz in 3+2",

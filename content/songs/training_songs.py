@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, numbers_in_bar
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.song import STYLES, SyntheticSong, render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.music.synthesis.style import STEPS_PER_BEAT, Lane, Part, SongStyle
+from content.songs.synthesis.song import STYLES, SyntheticSong, render_song
+from content.songs.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.style import STEPS_PER_BEAT, Lane, Part, SongStyle
 
 # Styles made of other styles, in other metres, with other instruments, or with drums at half or double time.
 #

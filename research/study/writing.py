@@ -24,7 +24,7 @@ from choreograph.evaluation.run import Variant, dance_variant
 from choreograph.evaluation.songs import EvaluatedSong, check_unseen
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
-from choreograph.motion.retargeting import retarget, share_skeleton
+from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import canonical_skeleton
 from choreograph.motion.skinned_mesh import build_mannequin
 from choreograph.studio.ratings import BETTER, KEY_FORMAT, KEY_NAME, VERSION
@@ -311,7 +311,7 @@ def _page_data(excerpts: Sequence[StudyDance], *, sound: bool) -> tuple[dict[str
     A part of a song that several dances share is stored once.
     """
     motions = [excerpt.motion for excerpt in excerpts]
-    if not share_skeleton(motions):
+    if not all(motion.skeleton.same_as(motions[0].skeleton) for motion in motions[1:]):
         motions = [retarget(motion, canonical_skeleton()) for motion in motions]
     mesh, mesh_layout = compress_mesh(build_mannequin(motions[0].skeleton, motions[0]))
     skeleton = motions[0].skeleton

@@ -24,7 +24,7 @@ import numpy as np
 
 import choreograph as cg
 from choreograph.core.kernel_cache import njit
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 
 REST = "rest"
 STAGES = {  # name: functions, each as module:qualified name

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import choreograph as cg
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 
 pytestmark = pytest.mark.slow
 

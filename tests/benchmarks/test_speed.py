@@ -25,7 +25,7 @@ from choreograph.library.repertoire import Repertoire, starter_repertoire
 from choreograph.library.writing import write_repertoire
 from choreograph.music.form import Sections
 from choreograph.music.song_features import SongFeatures, music_density
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 
 N_SECONDS, K, N_CLIPS = 180, 512, 2000
 

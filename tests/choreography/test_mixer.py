@@ -22,9 +22,9 @@ from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.library.vocabulary import segment_words
 from choreograph.motion.body import body_pos_m
 from choreograph.music.count_grids import coming_to_rest_s
-from choreograph.music.synthesis.song import write_song
 from choreograph.plan.runs import plan_runs
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import write_song
 
 pytestmark = pytest.mark.slow
 

@@ -18,7 +18,7 @@ from choreograph.choreography.song_analysis import analyse_song
 from choreograph.core.counts import numbers_in_bar
 from choreograph.evaluation.metrics import structure
 from choreograph.music.form import Form, Phrase
-from choreograph.settings import WEIGHTS
+from choreograph.pipeline.published import WEIGHTS
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,8 @@ from synthetic_counts import counted
 
 from choreograph.core.counts import Counts
 from choreograph.music.bar_pointer import METRES
-from choreograph.nets.count_phases import Trunk
 from choreograph.nets.music_counts import N_OUTPUTS, curves_from
+from content.count_networks import Trunk
 from content.counted_phases import PhaseTargets, phase_loss, phases_at
 
 

@@ -21,9 +21,9 @@ from choreograph.motion.body import body_pos_m
 from choreograph.motion.contacts import sole_pos_m
 from choreograph.motion.motion_beats import motion_beat_times_s
 from choreograph.motion.skeleton import CANONICAL_JOINTS
-from choreograph.music.synthesis.song import write_song
 from content.moves.genres import GENRES
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import write_song
 
 pytestmark = pytest.mark.slow
 

@@ -34,7 +34,7 @@ from choreograph.motion.motion import Credits, Take
 from choreograph.music.mel import log_mel
 from choreograph.music.rhythm import FRAME_RHYTHM_FPS, FRAME_RHYTHM_NAMES
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.song import render_song, write_song
 
 # A song's counts by a tracker or from a file.
 

@@ -11,8 +11,8 @@ import soxr
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.live.online_beats import CORRECTION_BEATS, BeatClock, OnlineBeats
 from choreograph.music.mel import log_mel
-from choreograph.music.synthesis.song import render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.song import render_song
+from content.songs.synthesis.sounds import RATE_HZ
 
 STEADY = replace(BeatClock.steady(10.0, 4.25, 0.5, 1), metre=4, first_number=2)
 

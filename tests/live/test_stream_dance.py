@@ -40,8 +40,8 @@ from choreograph.live.stream_dance import (
     to_middle,
 )
 from choreograph.live.vmc import VmcBody, messages_of
-from choreograph.music.synthesis.song import render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.song import render_song
+from content.songs.synthesis.sounds import RATE_HZ
 
 BAR_S = 2.0
 

@@ -14,7 +14,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import joint_roles, rest_pose_is_upright
 from choreograph.motion.contacts import estimate_floor_m, sole_pos_m
 from choreograph.motion.kinematics import forward, to_local
-from choreograph.motion.retargeting import retarget, share_skeleton
+from choreograph.motion.retargeting import retarget
 from choreograph.motion.skeleton import Skeleton, canonical_skeleton
 
 
@@ -62,12 +62,6 @@ def test_unknown_names_are_refused():
     unnamed = Skeleton(tuple(f"b{i}" for i in range(24)), body.parents, body.offsets_m)
     with pytest.raises(ParameterError, match="known rig"):
         retarget(replace(swaying(), skeleton=unnamed), body)
-
-
-def test_share_skeleton():
-    a, b = swaying(seed=1), swaying(seed=2)
-    assert share_skeleton([a, b])
-    assert not share_skeleton([a, on_other_axes(b, 1)])
 
 
 def test_bandai_namco_keeps_every_limb_direction(shared_data):

@@ -16,8 +16,8 @@ from choreograph.music import bars
 from choreograph.music.bars import ACCENT_NAMES, REPEAT_NAMES, beat_evidence, best_bars, track_bars
 from choreograph.music.beats import tempo_path_beats
 from choreograph.music.mel import log_mel
-from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS
+from content.songs.synthesis.song import render_song
 
 N = np.arange(5000) / SAMPLE_RATE_HZ
 KICK = np.sin(2 * np.pi * 55 * N) * np.exp(-10 * N)

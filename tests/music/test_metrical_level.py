@@ -16,9 +16,9 @@ from choreograph.music.bars import (
     with_eighths,
 )
 from choreograph.music.mel import log_mel
-from choreograph.music.synthesis.song import render_song
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 from content.songs.metre_styles import SIX_BALLAD
+from content.songs.synthesis.song import render_song
 
 
 def counted(bpm: float, metre: int = 4) -> Counts:

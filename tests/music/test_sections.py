@@ -6,7 +6,7 @@ import pytest
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music.form import song_sections
 from choreograph.music.spectral import spectral_features
-from choreograph.music.synthesis.song import render_song
+from content.songs.synthesis.song import render_song
 
 pytestmark = pytest.mark.slow
 

@@ -9,14 +9,13 @@ import torch
 from choreograph.core.errors import ParameterError
 from choreograph.music.rhythm import RHYTHM_DIM
 from choreograph.nets.configs import rollout_config, style_config, word_config
-from choreograph.nets.count_phases import MotionCountsNet, MusicCountsNet
 from choreograph.nets.inference import MEL_FRAMES, SongStyle, WordEmbedder
-from choreograph.nets.motion_counts import motion_counts_config
-from choreograph.nets.music_counts import MusicCounts, levelled, music_counts_config
+from choreograph.nets.music_counts import MusicCounts, levelled
 from choreograph.nets.rollout import RolloutNet
 from choreograph.nets.rollout_poses import PosePredictor, RolloutConditions
 from choreograph.nets.style import StyleNets
 from choreograph.nets.words import WordNet
+from content.count_networks import MotionCountsNet, MusicCountsNet, motion_counts_config, music_counts_config
 
 RNG = np.random.default_rng(0)
 

@@ -13,14 +13,8 @@ from choreograph.core.errors import ParameterError
 from choreograph.evaluation.metrics.counts import counts_within
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_pos_m, mirrored
-from choreograph.nets.count_phases import MotionCountsNet
-from choreograph.nets.motion_counts import (
-    N_FEATURES,
-    MotionCounts,
-    MotionCountsConfig,
-    motion_counts_config,
-    motion_features,
-)
+from choreograph.nets.motion_counts import N_FEATURES, MotionCounts, MotionCountsConfig, motion_features
+from content.count_networks import MotionCountsNet, motion_counts_config
 from content.motion_counting import CountedMotion, MotionData, train_motion_counts
 
 TINY = motion_counts_config("tiny")

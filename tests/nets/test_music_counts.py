@@ -16,9 +16,6 @@ from choreograph.library.builtin import example_songs
 from choreograph.music.bar_pointer import METRES, PhaseCurves
 from choreograph.music.mel import log_mel
 from choreograph.music.song import Song, load_song
-from choreograph.music.synthesis.song import render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.nets.count_phases import MusicCountsNet
 from choreograph.nets.music_counts import (
     CURVE_FPS,
     SHIPPED,
@@ -29,13 +26,13 @@ from choreograph.nets.music_counts import (
     at_one_level,
     decoded_beats,
     levelled,
-    music_counts_config,
     network_beats,
     read_music_counts,
     shipped_music_counts,
     write_music_counts,
 )
 from content import music_counting as music_augmentation
+from content.count_networks import MusicCountsNet, music_counts_config
 from content.music_counting import (
     CountedMel,
     MusicCountsData,
@@ -44,6 +41,8 @@ from content.music_counting import (
     resampled,
     train_music_counts,
 )
+from content.songs.synthesis.song import render_song
+from content.songs.synthesis.sounds import RATE_HZ
 from content.songs.training_songs import FIRST_UNSEEN_SEED
 
 TINY = music_counts_config("tiny")

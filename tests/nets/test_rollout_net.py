@@ -13,7 +13,7 @@ from choreograph.nets.rollout import RolloutNet
 from choreograph.nets.rollout_poses import N_FEET, ROOT_DIM, PosePredictor, to_poses, word_conditions
 from choreograph.nets.rollout_training import RolloutData, train_rollout, train_rollouts, unroll
 from choreograph.nets.training import TrainingContext
-from choreograph.settings import ROLLOUT
+from choreograph.pipeline.published import ROLLOUT
 
 pytestmark = pytest.mark.slow
 

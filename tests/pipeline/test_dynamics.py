@@ -15,8 +15,8 @@ from choreograph.evaluation.metrics.physical import foot_slide_cm_s, jumps_per_m
 from choreograph.evaluation.plan_scores import danced_counts
 from choreograph.motion.body import BODY_JOINTS, body_pos_m
 from choreograph.music.song import load_song
-from choreograph.music.synthesis.composition import Section
-from choreograph.music.synthesis.song import render_song, write_song
+from content.songs.synthesis.composition import Section
+from content.songs.synthesis.song import render_song, write_song
 
 pytestmark = pytest.mark.slow
 

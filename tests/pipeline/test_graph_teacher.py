@@ -11,7 +11,7 @@ from synthetic_repertoire import synthetic_repertoire, synthetic_takes, with_cou
 from choreograph.library.building.networks import taught_dances
 from choreograph.motion.motion import Credits
 from choreograph.pipeline import building as graph_teacher
-from choreograph.pipeline.building import graph_dances, songs_of, teach_rollout
+from choreograph.pipeline.building import AGAIN_PER_GENRE, dances_to_teach, graph_dances, teach_rollout
 
 SETTINGS = {"beats": "tempo-path", "seed": 0}
 
@@ -38,7 +38,7 @@ def to_clicks(tmp_path_factory, counted):
 
 
 def test_every_song_is_danced_once_and_on_its_count(repertoire, to_clicks, tmp_path):
-    fast, slow = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
+    fast, slow = graph_dances(repertoire, dances_to_teach(to_clicks)[:2], tmp_path / "dances", **SETTINGS)
     assert [d.song_path.stem for d in (fast, slow)] == ["fast", "slow"]
     assert fast.credits == Credits(genre="a") and slow.credits == Credits(genre="c")
     for dance, period_s in ((fast, 0.5), (slow, 0.6)):
@@ -47,12 +47,33 @@ def test_every_song_is_danced_once_and_on_its_count(repertoire, to_clicks, tmp_p
         assert dance.counts.times_s[-1] <= dance.motion.duration_s
 
 
+def test_the_songs_of_a_genre_are_danced_again_in_turn_with_other_seeds(
+    repertoire, to_clicks, tmp_path, monkeypatch
+):
+    fast, slow = to_clicks[0].song_path, to_clicks[2].song_path
+    other = replace(to_clicks[0], song_path=slow.with_name("other.wav"))
+    wanted = dances_to_teach([*to_clicks, other])
+    assert wanted[:3] == [(fast, "a", 0), (slow, "c", 0), (other.song_path, "a", 0)]
+    assert [one for one in wanted[3:] if one[1] == "c"] == [(slow, "c", n) for n in range(1, 9)]
+    again = [(song, n) for song, genre, n in wanted[3:] if genre == "a"]
+    assert len(again) == AGAIN_PER_GENRE and again[:4] == [
+        (fast, 1), (other.song_path, 1), (fast, 2), (other.song_path, 2)
+    ]  # fmt: skip
+    first, second = graph_dances(
+        repertoire, [(fast, "a", 0), (fast, "a", 1)], tmp_path / "dances", beats="tempo-path", seed=3
+    )
+    monkeypatch.setattr(graph_teacher, "AGAIN_PER_GENRE", 1)
+    assert len(dances_to_teach(to_clicks)) == 4
+    assert first.song_path == second.song_path
+    assert not np.array_equal(first.motion.local_quat, second.motion.local_quat)
+
+
 def test_a_call_after_a_stop_goes_on_with_the_plans_that_are_kept(
     repertoire, to_clicks, tmp_path, monkeypatch
 ):
-    first = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
+    first = graph_dances(repertoire, dances_to_teach(to_clicks)[:2], tmp_path / "dances", **SETTINGS)
     monkeypatch.setattr(graph_teacher, "dance", lambda *a, **k: pytest.fail("danced anew"))
-    again = graph_dances(repertoire, songs_of(to_clicks), tmp_path / "dances", **SETTINGS)
+    again = graph_dances(repertoire, dances_to_teach(to_clicks)[:2], tmp_path / "dances", **SETTINGS)
     for one, other in zip(first, again, strict=True):
         assert np.array_equal(one.motion.local_quat, other.motion.local_quat)
         assert np.array_equal(one.counts.times_s, other.counts.times_s)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.song import STYLES, render_song
-from choreograph.music.synthesis.style import SongStyle
 from content.songs.metre_styles import METRE_STYLES
+from content.songs.synthesis.song import STYLES, render_song
+from content.songs.synthesis.style import SongStyle
 from content.songs.training_songs import (
     double_time_drums,
     drums_of,

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.composition import Section
-from choreograph.music.synthesis.song import STYLES, render_song
-from choreograph.music.synthesis.sounds import RATE_HZ
 from content.songs.known_songs import FIRST_SOFTENED_SEED as FIRST_SEED
 from content.songs.known_songs import softened_song
+from content.songs.synthesis.composition import Section
+from content.songs.synthesis.song import STYLES, render_song
+from content.songs.synthesis.sounds import RATE_HZ
 
 pytestmark = pytest.mark.slow
 

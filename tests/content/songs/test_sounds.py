@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from choreograph.music.synthesis.mixing import ducking_gain, loudness_lufs, pan_stereo
-from choreograph.music.synthesis.sounds import DRUMS, RATE_HZ, VARIANTS, VOICES, drum_hit, render_note
+from content.songs.synthesis.mixing import ducking_gain, loudness_lufs, pan_stereo
+from content.songs.synthesis.sounds import DRUMS, RATE_HZ, VARIANTS, VOICES, drum_hit, render_note
 
 
 @pytest.mark.parametrize("name", DRUMS)

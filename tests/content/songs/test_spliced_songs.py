@@ -7,10 +7,10 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from choreograph.music.synthesis.sounds import RATE_HZ
 from content.moves.genres import GENRES as STARTER_GENRES
 from content.songs.known_songs import FIRST_SPLICED_SEED as FIRST_SEED
 from content.songs.known_songs import HALF_S, SPLICED_SONGS
+from content.songs.synthesis.sounds import RATE_HZ
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.sounds import RATE_HZ
 from content.songs.training_songs import KINDS, counted_song, drawn_song, style_of
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.song import TempoMap, apply_swing, beats_within
+from content.songs.synthesis.song import TempoMap, apply_swing, beats_within
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from choreograph.music.synthesis.composition import Track
-from choreograph.music.synthesis.sounds import RATE_HZ, VARIANTS, Wave, drum_hit, render_note
-from choreograph.music.synthesis.style import Lane, SongStyle
+from content.songs.synthesis.composition import Track
+from content.songs.synthesis.sounds import RATE_HZ, VARIANTS, Wave, drum_hit, render_note
+from content.songs.synthesis.style import Lane, SongStyle
 
 # Effects and mastering: reverb, stereo width, ducking, loudness, soft limiter.
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from choreograph.music.synthesis.style import (
+from content.songs.synthesis.style import (
     Chord,
     Lane,
     Motif,

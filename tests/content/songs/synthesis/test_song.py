@@ -10,13 +10,13 @@ import soundfile
 from scipy.signal import butter, sosfilt
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.composition import form
-from choreograph.music.synthesis.mixing import loudness_lufs
-from choreograph.music.synthesis.song import STYLES, render_song, write_song
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.music.synthesis.style import Lane, SongStyle
 from content.songs.known_songs import BENCHMARK_SONGS, FIRST_SEED
 from content.songs.metre_styles import METRE_STYLES
+from content.songs.synthesis.composition import form
+from content.songs.synthesis.mixing import loudness_lufs
+from content.songs.synthesis.song import STYLES, render_song, write_song
+from content.songs.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.style import Lane, SongStyle
 
 pytestmark = pytest.mark.slow
 

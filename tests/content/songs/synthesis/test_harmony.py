@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from choreograph.core.errors import ParameterError
-from choreograph.music.synthesis.song import STYLES
-from choreograph.music.synthesis.style import (
+from content.songs.synthesis.song import STYLES
+from content.songs.synthesis.style import (
     Motif,
     best_scale,
     chord,

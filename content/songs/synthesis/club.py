@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from choreograph.music.synthesis.style import Lane, Part, SongStyle
+from content.songs.synthesis.style import Lane, Part, SongStyle
 
 HOUSE = SongStyle(
     name="house",

@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from choreograph.core.errors import ChoreographError, ParameterError
 from choreograph.core.files import atomic_path
-from choreograph.music.synthesis.ballroom import SWING, TANGO, WALTZ
-from choreograph.music.synthesis.club import DISCO, FUNK, HOUSE
-from choreograph.music.synthesis.composition import Section, compose, form
-from choreograph.music.synthesis.latin import CHA_CHA, RUMBA, SALSA
-from choreograph.music.synthesis.mixing import mix_tracks
-from choreograph.music.synthesis.slow import CONTEMPORARY, HIP_HOP
-from choreograph.music.synthesis.sounds import RATE_HZ
-from choreograph.music.synthesis.style import STEPS_PER_BEAT, SongStyle
+from content.songs.synthesis.ballroom import SWING, TANGO, WALTZ
+from content.songs.synthesis.club import DISCO, FUNK, HOUSE
+from content.songs.synthesis.composition import Section, compose, form
+from content.songs.synthesis.latin import CHA_CHA, RUMBA, SALSA
+from content.songs.synthesis.mixing import mix_tracks
+from content.songs.synthesis.slow import CONTEMPORARY, HIP_HOP
+from content.songs.synthesis.sounds import RATE_HZ
+from content.songs.synthesis.style import STEPS_PER_BEAT, SongStyle
 
 # Beat times: tempo maps with steady parts and ramps, and swing, in closed form.
 

@@ -1,15 +1,19 @@
 """The torch modules of the networks that estimate counts: their trunk, and the ones for motion and for music.
 
-`nets.motion_counts` and `nets.music_counts` estimate counts with the trained networks.
+They are trained here. `choreograph.nets.motion_counts` and `choreograph.nets.music_counts` estimate counts
+with the trained networks.
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from choreograph.core.timebase import NET_FPS
 from choreograph.music.mel import MEL_BANDS
+from choreograph.nets.configs import config_from_preset
 from choreograph.nets.layers import EPSILON
 from choreograph.nets.motion_counts import ACROSS, N_CONFIDENCE, N_FEATURES, MotionCounts, MotionCountsConfig
 from choreograph.nets.music_counts import KERNEL, N_ACTIVATIONS, N_OUTPUTS, MusicCountsConfig
@@ -82,6 +86,17 @@ class _ChannelNorm(nn.Module):
 # position on the floor or the heading.
 
 
+_MOTION_PRESETS = {
+    "small": MotionCountsConfig(),
+    "tiny": MotionCountsConfig(width=16, n_blocks=4, batch_size=4, window_s=8.0, steps=60),
+}
+
+
+def motion_counts_config(preset: str, **changes: Any) -> MotionCountsConfig:
+    """The preset with fields changed. Raises `ParameterError` for an unknown name or field."""
+    return config_from_preset(_MOTION_PRESETS, preset, changes)
+
+
 class MotionCountsNet(StoredNet):
     """Body positions to phase curves, with the statistics that standardise its features."""
 
@@ -135,6 +150,17 @@ def _turned(vectors: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
 # The network for music: small convolutions over bands and frames, and then the trunk.
 
 
+_MUSIC_PRESETS = {
+    "small": MusicCountsConfig(),
+    "tiny": MusicCountsConfig((4, 4), 8, 4, excerpt_s=8.0, batch_size=4, steps=60),
+}
+
+
+def music_counts_config(preset: str = "small", **changes: Any) -> MusicCountsConfig:
+    """A preset with fields changed. Raises `ParameterError` for an unknown name or field."""
+    return config_from_preset(_MUSIC_PRESETS, preset, changes)
+
+
 class MusicCountsNet(StoredNet):
     """Log-mel at 60 fps to activations and phases at 30 fps, which `nets.music_counts.MusicCounts` uses."""
 
@@ -158,7 +184,7 @@ class MusicCountsNet(StoredNet):
 
     def forward(self, mel: Tensor) -> tuple[Tensor, Tensor]:
         """Normalised log-mel (B, T, 96), T even, to logits of activations (B, 2, T / 2) and phase vectors
-        (B, N_OUTPUTS, T / 2), as `nets.count_phases` has them."""
+        (B, N_OUTPUTS, T / 2), as `nets.music_counts.curves_from` reads them."""
         bands = self.front(mel[:, None]).transpose(2, 3).flatten(1, 2)  # (B, C * 8, T / 2)
         curves = self.head(self.trunk(bands))
         return curves[:, :N_ACTIVATIONS], curves[:, N_ACTIVATIONS:]
