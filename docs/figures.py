@@ -138,7 +138,7 @@ def draw_graph(recorder: Recorder, plan: cg.Plan, path: Path) -> None:
             f"C{takes.index(take)}" if take in takes else "0.8" for take in layer.take_names[nearest].tolist()
         ]
         axis.scatter(np.full(len(nearest), second.second), away[nearest], s=12, c=colors)
-        node = (layer.clip == second.clip) & (layer.offset == second.offset)
+        node = (layer.warp.clip == second.clip) & (layer.warp.offset == second.offset)
         chosen.append(away[node][0])
     times = [second.second for second in seconds]
     axis.plot(times, chosen, "-", color="0.2", lw=1.2, zorder=0, label="chosen path")

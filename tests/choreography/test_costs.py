@@ -28,6 +28,7 @@ from choreograph.choreography.graph.costs import (
     Velocity,
 )
 from choreograph.choreography.graph.kernels import COMPILED, COMPILED_OF_PATH
+from choreograph.choreography.graph.layers import changed_layer
 from choreograph.choreography.graph.motif_costs import MotifTransition, Signature
 from choreograph.choreography.graph.path_costs import FormCost, FrontCost, Variety
 from choreograph.core.errors import ParameterError
@@ -41,10 +42,10 @@ def layers(request):
 
 
 def completeness_by_hand(a, b, i, j) -> float:
-    if a.segment[i] != b.segment[j] or a.offset[i] + 1 != b.offset[j]:
+    if a.warp.segment[i] != b.warp.segment[j] or a.warp.offset[i] + 1 != b.warp.offset[j]:
         return 1.0
-    last = 0.0 if math.isnan(a.last_beat[i]) else float(a.last_beat[i])
-    first = 20.0 if math.isnan(b.first_beat[j]) else float(b.first_beat[j])
+    last = 0.0 if math.isnan(a.warp.last_beat[i]) else float(a.warp.last_beat[i])
+    first = 20.0 if math.isnan(b.warp.first_beat[j]) else float(b.warp.first_beat[j])
     gap = (20.0 - last) + first
     return 1.0 / (1.0 + math.exp(-(20.0 - gap) / 5.0))
 
@@ -61,7 +62,7 @@ def test_staying_in_a_counted_take_is_complete(tracked):
     a, b, song_features = tracked
     cost = Completeness().edge(a, b, song_features)
     here, there = a.successors_in(b)
-    counted = a.time_map_id[here] >= 0
+    counted = a.warp.time_map_id[here] >= 0
     assert counted.any() and (cost[here[counted], there[counted]] == 0).all()
     assert (cost[here[~counted], there[~counted]] > 0).all()
     others = np.ones(cost.shape, bool)
@@ -112,7 +113,7 @@ def test_style_and_rhythm(layers):
     a, _, song_features = layers
     by_hand = [math.dist(style, song_features.style[3]) for style in a.style]
     assert np.allclose(Genre().node(a, song_features), by_hand, rtol=1e-5)
-    assert np.allclose(Rhythm().node(a, song_features), a.unmatched_beat + a.density_mismatch)
+    assert np.allclose(Rhythm().node(a, song_features), a.warp.unmatched_beat + a.warp.density_mismatch)
 
 
 @pytest.fixture(params=range(3))
@@ -123,18 +124,18 @@ def tracked(request):
 
 def test_beats_count_where_counts_are_not_known_and_doubt_and_accents_where_they_are(tracked):
     layer, _, song_features = tracked
-    counted = layer.time_map_id >= 0
+    counted = layer.warp.time_map_id >= 0
     assert counted.any() and not counted.all()
     rhythm, accents = Rhythm().node(layer, song_features), Accents().node(layer, song_features)
     assert layer.count_uncertainty[counted].any() and not accents[~counted].any()
     assert np.array_equal(rhythm[counted], layer.count_uncertainty[counted])
-    assert np.allclose(rhythm[~counted], (layer.unmatched_beat + layer.density_mismatch)[~counted])
-    assert np.array_equal(accents[counted], layer.unmatched_beat[counted])
+    assert np.allclose(rhythm[~counted], (layer.warp.unmatched_beat + layer.warp.density_mismatch)[~counted])
+    assert np.array_equal(accents[counted], layer.warp.unmatched_beat[counted])
 
 
 def test_bars_are_the_share_of_beats_off_the_bar(layers):
     layer, _, song_features = layers
-    assert np.array_equal(Bars().node(layer, song_features), layer.off_bar)
+    assert np.array_equal(Bars().node(layer, song_features), layer.warp.off_bar)
 
 
 def test_phrasing_is_the_mean_of_leaving_and_entering_and_free_for_successors(tracked):
@@ -144,7 +145,7 @@ def test_phrasing_is_the_mean_of_leaving_and_entering_and_free_for_successors(tr
     assert len(here) and not cost[here, there].any()
     others = np.ones(cost.shape, bool)
     others[here, there] = False
-    by_hand = [[(leave + enter) / 2 for enter in b.enter_penalty] for leave in a.leave_penalty]
+    by_hand = [[(leave + enter) / 2 for enter in b.warp.enter_penalty] for leave in a.warp.leave_penalty]
     assert np.allclose(cost[others], np.array(by_hand)[others])
     least = np.where(others, cost, np.inf).min(axis=0)
     assert (Phrasing().min_edge_costs(a, b, song_features) <= least + 1e-6).all()
@@ -189,15 +190,15 @@ def _danced(source, takes, second=3):
     layer = source.layer(second)
     for take in takes:
         every = np.full(layer.n_nodes, take)
-        danced = replace(layer, take=every, usage_column=every).with_take_usage(layer.take_usage_s)
-        layer = replace(layer, take_usage_s=danced.take_usage_s)
+        danced = replace(layer, take=every, usage_column=every).with_take_usage(layer.path.take_usage_s)
+        layer = changed_layer(layer, take_usage_s=danced.path.take_usage_s)
     return layer
 
 
 def test_variety_is_the_usage_of_takes_along_the_path():
     source, song_features = random_source(0, tie_break_s=np.array([0.0, 3.0], np.float32))
     here, there = _danced(source, [0] * 12), source.layer(4)
-    used_s = here.take_usage_s
+    used_s = here.path.take_usage_s
     assert ((used_s[:, 0] > 11) & (used_s[:, 0] < 12)).all()  # decayed a little
     assert (used_s[:, 1] < 3).all()
     edges = Variety().edge(here, there, song_features)
@@ -211,7 +212,7 @@ def test_variety_is_the_usage_of_takes_along_the_path():
 def test_usage_decays():
     source, _ = random_source(0, tie_break_s=np.zeros(2, np.float32))
     lately, long_ago = (
-        _danced(source, takes).take_usage_s[0] for takes in ([1] * 600 + [0] * 20, [0] * 20 + [1] * 600)
+        _danced(source, takes).path.take_usage_s[0] for takes in ([1] * 600 + [0] * 20, [0] * 20 + [1] * 600)
     )
     assert lately[0] > 15
     assert long_ago[0] < 1
@@ -221,23 +222,23 @@ def test_usage_decays():
 def test_usage_is_not_counted_without_tie_breaks():
     source, song_features = random_source(0)
     here = _danced(source, [0, 1, 1])
-    assert here.take_usage_s.shape == (here.n_nodes, 0)
+    assert here.path.take_usage_s.shape == (here.n_nodes, 0)
     assert Variety().node(source.layer(0), song_features) is None
     assert Variety().edge(here, source.layer(4), song_features) is None
 
 
 def front_by_hand(a, b, i, j, song_features) -> float:
     """The cost of a heading, in steps: the rotation of the take of b, then its headings in the dance."""
-    rotation = a.turn_rad[i]
+    rotation = a.path.turn_rad[i]
     if b.part[j] != a.next_part[i]:
-        rotation = a.turn_rad[i] + a.join_heading_rad[i, 1] - b.join_heading_rad[j, 0]
+        rotation = a.path.turn_rad[i] + a.join_heading_rad[i, 1] - b.join_heading_rad[j, 0]
         rotation = math.remainder(rotation, 2 * math.pi)
         rotation -= math.copysign(min(abs(rotation), b.steer_rad), rotation)
     cost = np.mean((0.5 - 0.5 * np.cos(b.heading_rad[j] + rotation)) ** 2)
     if b.part[j] != a.next_part[i]:
         cost += 4.0 * (1.0 - math.cos(rotation))
     if b.second == song_features.n_seconds - 1:  # the last pose
-        pose_m = b.bank.poses_m(b.clip[j : j + 1], b.source_frames[j : j + 1, -2])[0][0]
+        pose_m = b.bank.poses_m(b.source[j : j + 1], b.source_frames[j : j + 1, -2])[0][0]
         across_m = pose_m[BODY_JOINTS.index("left_hip")] - pose_m[BODY_JOINTS.index("right_hip")]
         hips_rad = math.atan2(-across_m[2], across_m[0])  # turned against the body
         cost += 6.0 * (1.0 - math.cos(b.heading_rad[j, -2] + hips_rad + rotation))
@@ -249,7 +250,7 @@ def front_by_hand(a, b, i, j, song_features) -> float:
 def test_the_front_follows_the_heading_of_the_dance(second, tracked):
     source, song_features = random_source(second, tracked=tracked)
     a, b = source.layer(second - 1), source.layer(second)
-    a = replace(a, turn_rad=np.linspace(-3.0, 3.0, a.n_nodes))
+    a = changed_layer(a, turn_rad=np.linspace(-3.0, 3.0, a.n_nodes))
     b = replace(b, steer_rad=0.25)
     by_hand = [[front_by_hand(a, b, i, j, song_features) for j in range(b.n_nodes)] for i in range(a.n_nodes)]
     assert np.allclose(FrontCost().edge(a, b, song_features), by_hand, atol=1e-5)
@@ -273,16 +274,18 @@ def test_a_take_turns_what_follows_it_by_what_it_turns_itself():
     """Two takes that turn by 1 rad a second, joined at every second, and steered back by 0.25 rad at most."""
     source, _ = random_source(0)
     layer = source.layer(2).subset(np.array([0]))
-    layer = replace(layer, join_heading_rad=np.array([[0.0, 1.0]]), segment=np.array([90]), steer_rad=0.25)
+    layer = changed_layer(
+        layer, join_heading_rad=np.array([[0.0, 1.0]]), segment=np.array([90]), steer_rad=0.25
+    )
     turned = []
     for second in range(3, 8):
-        following = replace(layer, second=second, segment=layer.segment + 1)
+        following = changed_layer(layer, second=second, segment=layer.warp.segment + 1)
         layer = following.with_turn(layer, slice(None))
-        turned.append(layer.turn_rad[0])
+        turned.append(layer.path.turn_rad[0])
     assert turned == pytest.approx([0.75, 1.5, 2.25, 3.5 - 2 * np.pi, 4.75 - 2 * np.pi])  # on by the back
-    goes_on = replace(layer, second=layer.second + 1, offset=layer.offset + 1)
-    assert goes_on.with_turn(layer, np.array([0])).turn_rad == layer.turn_rad
-    assert layer.with_turn(layer, slice(None)).turn_rad == layer.turn_rad
+    goes_on = changed_layer(layer, second=layer.second + 1, offset=layer.warp.offset + 1)
+    assert goes_on.with_turn(layer, np.array([0])).path.turn_rad == layer.path.turn_rad
+    assert layer.with_turn(layer, slice(None)).path.turn_rad == layer.path.turn_rad
     with pytest.raises(ParameterError, match="nodes of the layer before"):
         source.layer(3).with_turn(source.layer(2), slice(None))
 
@@ -294,14 +297,14 @@ def test_a_seed_gives_each_part_of_a_take_a_number_of_its_own():
     assert ((numbers >= 0) & (numbers < 1)).all()
     a, b = here.successors_in(there)
     assert np.array_equal(numbers[a], Seed(1).node(there, song_features)[b])
-    assert len(np.unique(numbers)) == here.n_nodes - sum(here.time_map_id >= 0) + len(
-        np.unique(here.time_map_id[here.time_map_id >= 0])
+    assert len(np.unique(numbers)) == here.n_nodes - sum(here.warp.time_map_id >= 0) + len(
+        np.unique(here.warp.time_map_id[here.warp.time_map_id >= 0])
     )
     assert not np.isclose(numbers, Seed(2).node(here, song_features)).any()
-    many = replace(here.subset(np.zeros(5000, np.int64)), time_map_id=np.arange(5000))
+    many = changed_layer(here.subset(np.zeros(5000, np.int64)), time_map_id=np.arange(5000))
     of_parts = Seed(0).node(many, song_features)
     assert np.histogram(of_parts % 0.5, 10, (0, 0.5))[0].min() > 400
-    takes = replace(many, take=np.arange(5000), time_map_id=np.zeros(5000, np.int64))
+    takes = changed_layer(many, take=np.arange(5000), time_map_id=np.zeros(5000, np.int64))
     assert 0.45 < (Seed(0).node(takes, song_features) >= 0.5).mean() < 0.55
 
 
@@ -323,14 +326,14 @@ def test_successors_are_the_pairs_of_one_segment_one_quarter_apart(layers):
         (i, j)
         for i in range(a.n_nodes)
         for j in range(b.n_nodes)
-        if a.segment[i] == b.segment[j] and a.offset[i] + 1 == b.offset[j]
+        if a.warp.segment[i] == b.warp.segment[j] and a.warp.offset[i] + 1 == b.warp.offset[j]
     }
     assert pairs == by_hand
     # Also when nodes on either side are forbidden.
-    few_a, few_b = a.subset(a.offset != 1), b.subset(np.arange(b.n_nodes) % 3 == 0)
+    few_a, few_b = a.subset(a.warp.offset != 1), b.subset(np.arange(b.n_nodes) % 3 == 0)
     for i, j in zip(*few_a.successors_in(few_b), strict=True):
-        assert few_a.segment[i] == few_b.segment[j]
-        assert few_a.offset[i] + 1 == few_b.offset[j]
+        assert few_a.warp.segment[i] == few_b.warp.segment[j]
+        assert few_a.warp.offset[i] + 1 == few_b.warp.offset[j]
 
 
 def test_successors_are_the_pairs_of_one_track_too(tracked):
@@ -339,22 +342,22 @@ def test_successors_are_the_pairs_of_one_track_too(tracked):
         (i, j)
         for i in range(a.n_nodes)
         for j in range(b.n_nodes)
-        if (a.time_map_id[i] == b.time_map_id[j] >= 0)
+        if (a.warp.time_map_id[i] == b.warp.time_map_id[j] >= 0)
         or (
-            a.time_map_id[i] == b.time_map_id[j] == -1
-            and a.segment[i] == b.segment[j]
-            and a.offset[i] + 1 == b.offset[j]
+            a.warp.time_map_id[i] == b.warp.time_map_id[j] == -1
+            and a.warp.segment[i] == b.warp.segment[j]
+            and a.warp.offset[i] + 1 == b.warp.offset[j]
         )
     }
     assert {(int(i), int(j)) for i, j in zip(*a.successors_in(b), strict=True)} == by_hand
-    assert any(a.segment[i] != b.segment[j] for i, j in by_hand)
+    assert any(a.warp.segment[i] != b.warp.segment[j] for i, j in by_hand)
 
 
 def test_a_layer_has_one_node_per_track(tracked):
     for layer in tracked[:2]:
-        by_time_map = layer.time_map_id[layer.time_map_id >= 0]
+        by_time_map = layer.warp.time_map_id[layer.warp.time_map_id >= 0]
         assert len(by_time_map) == len(set(by_time_map.tolist())) > 0
-        assert (layer.time_map_id < 0).sum() > 0
+        assert (layer.warp.time_map_id < 0).sum() > 0
 
 
 def test_motifs_are_counted_anew_where_a_goal_begins():
@@ -362,7 +365,7 @@ def test_motifs_are_counted_anew_where_a_goal_begins():
     assert [source.layer(second).new_goal for second in range(6)] == [True, False, False, True, False, False]
     for second, carried in ((3, 0), (4, 5)):
         layer = source.layer(second)
-        counts = layer.with_motif_counts(np.full_like(layer.motif_counts, 5)).motif_counts
+        counts = layer.with_motif_counts(np.full_like(layer.path.motif_counts, 5)).path.motif_counts
         own = [np.bincount(words[words >= 0], minlength=4) for words in layer.motifs]
         assert np.array_equal(counts, carried + np.array(own))
 
@@ -371,8 +374,8 @@ def test_a_layer_holds_the_segments_of_its_last_four_seconds():
     source, _ = random_source(0, n_seconds=6, k=4)
     assert [source.layer(s).n_nodes for s in range(6)] == [4, 8, 12, 16, 16, 16]
     layer = source.layer(5)
-    assert set(layer.segment // 4) == {2, 3, 4, 5}
-    assert np.array_equal(layer.segment // 4 + layer.offset, np.full(16, 5))
+    assert set(layer.warp.segment // 4) == {2, 3, 4, 5}
+    assert np.array_equal(layer.warp.segment // 4 + layer.warp.offset, np.full(16, 5))
     assert layer.source_frames.shape == (16, 21)
     assert set(layer.take_names) <= {"left", "right"}
 

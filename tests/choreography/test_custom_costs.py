@@ -36,7 +36,7 @@ def test_the_motion_at_both_ends_is_that_of_the_fields_of_the_layer(layer):
 
 def test_a_share_between_two_frames_is_interpolated(layer):
     frames = layer.source_frames[:, 4] + 0.5 * (layer.source_frames[:, 5] - layer.source_frames[:, 4])
-    by_hand, _ = layer.bank.poses_m(layer.clip, frames)
+    by_hand, _ = layer.bank.poses_m(layer.warp.clip, frames)
     np.testing.assert_allclose(layer.poses_m([4.5 / 20])[:, 0], by_hand, atol=1e-6)
 
 

@@ -43,7 +43,7 @@ def test_it_is_the_speed_of_the_pose_as_played_and_ten_times_the_height_of_a_lif
     layer = source.layer(2)
     # Played at 1.5 times the speed: 2.25 s is 5 frames into the second, 7.5 frames into its part of the clip.
     layer = replace(layer, source_frames=3.0 + 1.5 * np.tile(np.arange(21.0), (layer.n_nodes, 1)))
-    expected = 1.5 * layer.clip + 10 * 0.01 * (3.0 + 7.5)
+    expected = 1.5 * layer.warp.clip + 10 * 0.01 * (3.0 + 7.5)
     assert Stillness(PlantedPoses()).node(layer, song_features) == pytest.approx(expected)
 
 
@@ -53,7 +53,7 @@ def test_a_count_between_frames_is_where_the_map_says(source_and_song):
     doubled = np.where(np.arange(21) < 5, np.arange(21), 5 + 2 * (np.arange(21) - 5.0))
     layer = replace(layer, source_frames=np.tile(doubled, (layer.n_nodes, 1)))
     cost = Stillness(PlantedPoses()).node(layer, replace(song_features, opening_s=2.975))  # frame 5.5
-    assert cost == pytest.approx(2.0 * layer.clip + 0.1 * 6.0)
+    assert cost == pytest.approx(2.0 * layer.warp.clip + 0.1 * 6.0)
 
 
 def test_both_ends_in_one_second_are_added(source_and_song):

@@ -36,7 +36,7 @@ def danced():
 
 def test_the_planned_heading_is_that_of_the_dance(danced):
     dance, path = danced
-    planned_rad = np.array([node.turn_rad[0] + node.heading_rad[0, 10] for node in path])
+    planned_rad = np.array([node.path.turn_rad[0] + node.heading_rad[0, 10] for node in path])
     middles = np.round((np.arange(len(planned_rad)) + 0.5) * dance.motion.fps).astype(np.int64)
     headings_rad = front.heading_rad(body_pos_m(dance.motion))[middles]
     inside = slice(2, -2)  # the dance is not at full speed at its ends

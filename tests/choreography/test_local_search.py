@@ -25,7 +25,7 @@ class Preference(Cost):
     """A random cost of every node."""
 
     def node(self, layer, song_features):
-        return np.random.default_rng(layer.second).uniform(0.0, 1.0, 64)[layer.segment]
+        return np.random.default_rng(layer.second).uniform(0.0, 1.0, 64)[layer.warp.segment]
 
 
 def searched(seed=0, n_seconds=5, k=2, *, n_motifs=0, usage=True):
@@ -66,7 +66,7 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
     cheap, source, costs, song_features = searched(3, n_seconds=8, k=4, n_motifs=n_motifs)
     path = plan_exact(source, costs, song_features)
     nodes = [
-        including(nodes, node.segment[0], node.offset[0], lambda: None)[1]
+        including(nodes, node.warp.segment[0], node.warp.offset[0], lambda: None)[1]
         for nodes, node in zip(zip(cheap.layers, cheap.node_cost, strict=True), path.nodes, strict=True)
     ]
     assert path.total == pytest.approx(cheap.cost(np.array(nodes)), abs=1e-3)
@@ -85,7 +85,7 @@ def test_booked_costs_are_those_of_the_path(n_motifs):
         away = ((0.5 - 0.5 * np.cos(node.heading_rad[0] + turned_rad)) ** 2).mean()
         away += 4.0 * (1.0 - np.cos(turned_rad)) if joined else 0.0
         if node is path.nodes[-1]:
-            pose_m = node.bank.poses_m(node.clip, node.source_frames[:, -2])[0][0]
+            pose_m = node.bank.poses_m(node.warp.clip, node.source_frames[:, -2])[0][0]
             across_m = pose_m[BODY_JOINTS.index("left_hip")] - pose_m[BODY_JOINTS.index("right_hip")]
             hips_rad = np.arctan2(-across_m[2], across_m[0])  # turned against the body
             away += 6.0 * (1.0 - np.cos(node.heading_rad[0, -2] + hips_rad + turned_rad))
@@ -246,11 +246,11 @@ def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
     few, cost = layer.subset(found), np.arange(layer.n_nodes, dtype=float)[found]
     assert cost.tolist() == [3.0, 6.0, 7.0]
     one = layer.subset(np.array([1]))
-    key = one.segment[0], one.offset[0]
+    key = one.warp.segment[0], one.warp.offset[0]
     (with_node, its_cost), index = including((few, cost), *key, lambda: (one, np.array([9.0])))
     assert index == 3 and its_cost.tolist() == [3.0, 6.0, 7.0, 9.0]
-    assert with_node.segment.tolist() == layer.segment[[3, 6, 7, 1]].tolist()
-    assert including((few, cost), layer.segment[6], layer.offset[6], lambda: None)[1] == 1
+    assert with_node.warp.segment.tolist() == layer.warp.segment[[3, 6, 7, 1]].tolist()
+    assert including((few, cost), layer.warp.segment[6], layer.warp.offset[6], lambda: None)[1] == 1
 
 
 def test_cheap_nodes_do_not_copy_what_all_nodes_of_a_second_have():
@@ -264,8 +264,10 @@ def test_cheap_nodes_do_not_copy_what_all_nodes_of_a_second_have():
         for name, n_columns in (("motif_counts", 5), ("take_usage_s", 2), ("danced", 2)):
             values = getattr(nodes, name)
             assert values.shape == (nodes.n_nodes, n_columns) and values.strides[0] == 0
-    np.testing.assert_array_equal(joined.clip, np.append(layer.clip[[4, 1, 2]], source.node(0).clip))
-    counted = few.with_motif_counts(few.motif_counts)
+    np.testing.assert_array_equal(
+        joined.warp.clip, np.append(layer.warp.clip[[4, 1, 2]], source.node(0).warp.clip)
+    )
+    counted = few.with_motif_counts(few.path.motif_counts)
     (joined, _), _ = including((counted, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
     np.testing.assert_array_equal(joined.motif_counts[:3], counted.motif_counts)
     assert counted.motif_counts.any() and not joined.motif_counts[3].any()

@@ -53,7 +53,7 @@ def test_the_mean_cost_is_the_distance_of_the_dance(seed, planner):
     distance = chi_square_distance(signature(motifs_of(path), K), goal.signature)
     assert np.mean(paid) / 3.0 == pytest.approx(distance, abs=1e-5)
     counts = np.bincount(motifs_of(path), minlength=K)
-    assert np.array_equal(path.nodes[-1].motif_counts[0], counts)
+    assert np.array_equal(path.nodes[-1].path.motif_counts[0], counts)
 
 
 def parts_of(path, split: int) -> list[np.ndarray]:
@@ -131,7 +131,9 @@ def test_min_edge_costs_are_lower_bounds(seed):
     rng = np.random.default_rng(seed)
     goals = [(0, random_goal(seed)), (3, random_goal(seed + 1))]
     previous = source.layer(2)
-    previous = previous.with_motif_counts(rng.integers(0, 4, previous.motif_counts.shape).astype(np.int16))
+    previous = previous.with_motif_counts(
+        rng.integers(0, 4, previous.path.motif_counts.shape).astype(np.int16)
+    )
     for cost, following in (
         (Signature(goals[:1], song_features), source.layer(3)),
         (Signature(goals, song_features), anew.layer(3)),
@@ -227,7 +229,7 @@ def test_weights_of_zero_leave_the_dance_as_it_was(planner):
         planner(plain, BUILTIN, song_features),
     )
     for a, b in zip(with_them.nodes, without.nodes, strict=True):
-        assert a.segment == b.segment and a.offset == b.offset
+        assert a.warp.segment == b.warp.segment and a.warp.offset == b.warp.offset
     assert with_them.total == without.total
 
 

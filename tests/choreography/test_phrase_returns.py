@@ -163,7 +163,7 @@ def test_a_high_weight_repeats_and_weight_0_changes_nothing(seed):
     free = plan_exact(source, style, song_features)
     without = plan_exact(source, [*style, WeightedCost(FormCost(OF_PAIRS), 0.0)], song_features)
     held = plan_exact(source, [*style, WeightedCost(FormCost(OF_PAIRS), 50.0)], song_features)
-    assert [n.segment[0] for n in free.nodes] == [n.segment[0] for n in without.nodes]
+    assert [n.warp.segment[0] for n in free.nodes] == [n.warp.segment[0] for n in without.nodes]
     assert sum(form_by_hand(held.nodes)) <= sum(form_by_hand(free.nodes))
     assert held.total <= sum(
         terms["genre"] + 50.0 * cost for terms, cost in zip(free.costs, form_by_hand(free.nodes), strict=True)
@@ -201,7 +201,7 @@ def test_local_search_evaluates_a_phrase_with_its_repeats(seed):
             assert cheap.cost(found) <= cheap.cost(other) + 1e-3
     best = plan_exact(source, costs, song_features)
     chosen = [
-        including(those, node.segment[0], node.offset[0], lambda: None)[1]
+        including(those, node.warp.segment[0], node.warp.offset[0], lambda: None)[1]
         for those, node in zip(nodes, best.nodes, strict=True)
     ]
     assert best.total == pytest.approx(cheap.cost(np.array(chosen)), abs=1e-3)
@@ -224,4 +224,4 @@ def test_danced_positions_of_another_shape_are_refused():
     layer = source_of_returns(0)[0].layer(0)
     with pytest.raises(ParameterError, match="danced positions"):
         layer.with_danced(np.zeros((1, 1)))
-    assert replace(layer, moments=()).with_danced(layer.danced).danced is layer.danced
+    assert replace(layer, moments=()).with_danced(layer.path.danced).path.danced is layer.path.danced

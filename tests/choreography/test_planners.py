@@ -38,10 +38,10 @@ class RandomCost(Cost):
         return table
 
     def node(self, layer, song_features):
-        return self._table(layer, 1)[layer.segment, 0]
+        return self._table(layer, 1)[layer.warp.segment, 0]
 
     def edge(self, previous, next, song_features):
-        return self._table(next, 128)[np.ix_(previous.segment, next.segment)]
+        return self._table(next, 128)[np.ix_(previous.warp.segment, next.warp.segment)]
 
 
 class Forbids(Cost):
@@ -129,7 +129,7 @@ def test_pruning_predecessors_changes_nothing(seed, tracked):
     pruned = plan_exact(source, [WeightedCost(RandomCost(seed), 1.0)], song_features)
     full = plan_exact(source, [WeightedCost(Lowered(seed), 1.0)], song_features)
     assert full.total == pytest.approx(pruned.total - 6 * 5.0, abs=1e-4)
-    assert [n.segment[0] for n in full.nodes] == [n.segment[0] for n in pruned.nodes]
+    assert [n.warp.segment[0] for n in full.nodes] == [n.warp.segment[0] for n in pruned.nodes]
 
 
 @pytest.mark.parametrize("tracked", [False, True])
@@ -149,7 +149,7 @@ def test_pruning_by_phrases_changes_nothing(seed, tracked):
         for cost in (Phrasing, Unbounded)
     ]
     assert paths[0].total == pytest.approx(paths[1].total, abs=1e-4)
-    assert [n.segment[0] for n in paths[0].nodes] == [n.segment[0] for n in paths[1].nodes]
+    assert [n.warp.segment[0] for n in paths[0].nodes] == [n.warp.segment[0] for n in paths[1].nodes]
 
 
 def test_a_negative_edge_from_an_expensive_node_is_found():
@@ -158,14 +158,16 @@ def test_a_negative_edge_from_an_expensive_node_is_found():
 
     class Bait(Cost):
         def node(self, layer, song_features):
-            return np.where(layer.segment == 39, 5.0, 0.0) if layer.second == 0 else np.zeros(layer.n_nodes)
+            return (
+                np.where(layer.warp.segment == 39, 5.0, 0.0) if layer.second == 0 else np.zeros(layer.n_nodes)
+            )
 
         def edge(self, previous, next, song_features):
-            return np.where(previous.segment[:, None] == 39, -10.0, np.zeros((1, next.n_nodes)))
+            return np.where(previous.warp.segment[:, None] == 39, -10.0, np.zeros((1, next.n_nodes)))
 
     path = plan_exact(source, [WeightedCost(Bait(), 1.0)], song_features)
     assert path.total == pytest.approx(-5.0)
-    assert path.nodes[0].segment[0] == 39
+    assert path.nodes[0].warp.segment[0] == 39
 
 
 @pytest.mark.parametrize("planner", [plan_exact, plan_greedy])
@@ -220,10 +222,10 @@ def test_exact_avoids_a_dead_end_that_greedy_runs_into():
 
     class DeadEnd(Cost):
         def node(self, layer, song_features):
-            return np.where(layer.segment == 0, 0.0, 1.0)
+            return np.where(layer.warp.segment == 0, 0.0, 1.0)
 
         def edge(self, previous, next, song_features):
-            return np.where(previous.segment[:, None] == 0, np.inf, np.zeros((1, next.n_nodes)))
+            return np.where(previous.warp.segment[:, None] == 0, np.inf, np.zeros((1, next.n_nodes)))
 
     costs = [WeightedCost(DeadEnd(), 1.0)]
     with pytest.raises(NoPathError):
@@ -279,7 +281,7 @@ def test_the_motion_graph_walks_on_first_seconds_only(seed):
     source, song_features = random_source(seed, n_seconds=9)
     path = plan_motion_graph(source, BUILTIN, song_features)
     assert [node.second for node in path.nodes] == list(range(9))
-    assert all(node.offset[0] == 0 for node in path.nodes)
+    assert all(node.warp.offset[0] == 0 for node in path.nodes)
     assert all(set(terms) == {"transition"} for terms in path.costs)
 
 
@@ -367,7 +369,7 @@ class OneWay(Cost):
         self.node_number, self.bound = node, bound
 
     def edge(self, previous, next, song_features):
-        is_cheap = previous.segment == self.node_number
+        is_cheap = previous.warp.segment == self.node_number
         return np.repeat(np.where(is_cheap, 0.99, 1.0)[:, None], next.n_nodes, axis=1)
 
     def min_edge_costs(self, previous, next, song_features):
@@ -380,7 +382,7 @@ def test_a_jump_that_saves_next_to_nothing_is_found_from_any_node(node, bound):
     """Its bound may be its cost, so that a bound that is any larger leaves it out."""
     source, song_features = random_source(3, n_seconds=5, k=70, n_clips=70)
     layer, following = source.layer(3), source.layer(4)
-    cost = WeightedCost(OneWay(int(layer.segment[node]), bound), 1.0)
+    cost = WeightedCost(OneWay(int(layer.warp.segment[node]), bound), 1.0)
     with ThreadPoolExecutor(1) as pool:
         best, parent = SearchStep([cost], song_features, pool)(layer, following, np.zeros(layer.n_nodes))
     assert best == pytest.approx(np.full(following.n_nodes, 0.99)) and set(parent) == {node}
@@ -390,7 +392,7 @@ def test_a_jump_that_saves_next_to_nothing_is_found_from_any_node(node, bound):
 def test_a_cost_of_negative_weight_has_no_bound(node):
     source, song_features = random_source(3, n_seconds=5, k=70, n_clips=70)
     layer, following = source.layer(3), source.layer(4)
-    cost = WeightedCost(OneWay(int(layer.segment[node]), 0.0), -1.0)
+    cost = WeightedCost(OneWay(int(layer.warp.segment[node]), 0.0), -1.0)
     reached = np.zeros(layer.n_nodes)
     reached[node] = -0.5  # which is the first to be tried
     reached[(node + 140) % layer.n_nodes] = -0.505

@@ -46,24 +46,24 @@ def test_places_follow_the_path_and_the_cost_is_the_distance_beyond_the_borders(
     (first, then), song = layers()
     first, then = replace(first, steer_rad=0.25), replace(then, steer_rad=0.25)
     first = with_history(first, first)
-    np.testing.assert_allclose(first.place_m, first.walk_m[:, -1])  # from the middle, not rotated
+    np.testing.assert_allclose(first.path.place_m, first.walk_m[:, -1])  # from the middle, not rotated
     costs = StageCost((2.0, 1.0)).edge(first, then, song)
     assert costs.shape == (first.n_nodes, then.n_nodes)
     for i in range(0, first.n_nodes, 3):
         reached = with_history(then, first, np.full(then.n_nodes, i))
         for j in range(then.n_nodes):
-            ways = [way_m(walk_m, reached.turn_rad[j]) for walk_m in then.walk_m[j]]
-            places_m = first.place_m[i] + np.array(ways)
+            ways = [way_m(walk_m, reached.path.turn_rad[j]) for walk_m in then.walk_m[j]]
+            places_m = first.path.place_m[i] + np.array(ways)
             beyond_m = np.maximum(np.abs(places_m) - [0.7, 0.25], 0.0).max(axis=1)  # 0.3 m for the feet
             assert costs[i, j] == pytest.approx(beyond_m.mean(), abs=1e-4)
-            np.testing.assert_allclose(reached.place_m[j], places_m[-1], atol=1e-6)
+            np.testing.assert_allclose(reached.path.place_m[j], places_m[-1], atol=1e-6)
 
 
 def test_without_borders_no_place_is_followed():
     source, _ = random_source(3)
     layer = source.layer(0)
     assert layer.walk_m.shape == (layer.n_nodes, 0, 2)
-    assert with_history(layer, layer).place_m.tolist() == layer.place_m.tolist()
+    assert with_history(layer, layer).path.place_m.tolist() == layer.path.place_m.tolist()
 
 
 def test_words_are_chosen_that_stay_on_the_stage():

@@ -61,8 +61,7 @@ class Cost:
         hint
     min_jump_cost : lower bound of every edge between two warped segments. With it, the exact planner skips
         edges that cannot be on the cheapest path. Set it to 0 if no edge is negative.
-    of_path : whether its values depend on the path to a node, by `Layer.motif_counts`, `Layer.take_usage_s`,
-        `Layer.danced`, `Layer.turn_rad` or `Layer.place_m`
+    of_path : whether its values depend on the path to a node, by what `Layer.path` holds
     min_path_cost : lower bound of the sum of its values over a whole path, of a cost with `of_path`
     is_compiled : whether the module `kernels` evaluates its edges as well, by the same formula. A search is
         compiled if all its costs of edges are

@@ -81,11 +81,11 @@ class Completeness(Cost):
 
     def staying(self, previous: Layer, next: Layer, here: AnyInts, there: AnyInts) -> AnyFloats:
         """The costs (M,) of going from nodes `here` (M,) to their successors `there` (M,)."""
-        last = np.nan_to_num(previous.last_beat[here], nan=0.0)
-        first = np.nan_to_num(next.first_beat[there], nan=float(NODE_FRAMES))
+        last = np.nan_to_num(previous.warp.last_beat[here], nan=0.0)
+        first = np.nan_to_num(next.warp.first_beat[there], nan=float(NODE_FRAMES))
         gap = NODE_FRAMES - last + first  # frames, at most two seconds
         by_beats = 1.0 / (1.0 + np.exp(-(NODE_FRAMES - gap) / 5.0))
-        return np.where(previous.time_map_id[here] >= 0, 0.0, by_beats)
+        return np.where(previous.warp.time_map_id[here] >= 0, 0.0, by_beats)
 
 
 # A squared distance is the difference of sums. Below this share of them, it is their rounding error, which
@@ -196,8 +196,8 @@ class Rhythm(Cost):
     sentence = "Motion beats miss the beats of the music."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        by_density = layer.unmatched_beat + layer.density_mismatch
-        return np.where(layer.time_map_id >= 0, layer.count_uncertainty, by_density)
+        by_density = layer.warp.unmatched_beat + layer.warp.density_mismatch
+        return np.where(layer.warp.time_map_id >= 0, layer.count_uncertainty, by_density)
 
 
 class Accents(Cost):
@@ -211,7 +211,7 @@ class Accents(Cost):
     sentence = "Motion beats are not on the counts."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        return np.where(layer.time_map_id >= 0, layer.unmatched_beat, 0.0)
+        return np.where(layer.warp.time_map_id >= 0, layer.warp.unmatched_beat, 0.0)
 
 
 class Bars(Cost):
@@ -225,7 +225,7 @@ class Bars(Cost):
     sentence = "Count 1 of the take is not on count 1 of the music."
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        return layer.off_bar
+        return layer.warp.off_bar
 
 
 class Phrasing(Cost):
@@ -241,13 +241,14 @@ class Phrasing(Cost):
     min_jump_cost = 0.0
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        leave, enter = (np.asarray(p, np.float32) for p in (previous.leave_penalty, next.enter_penalty))
+        penalties = previous.warp.leave_penalty, next.warp.enter_penalty
+        leave, enter = (np.asarray(penalty, np.float32) for penalty in penalties)
         cost: AnyFloats = mean_penalty(leave[:, None], enter)
         cost[previous.successors_in(next)] = 0.0
         return cost
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
-        least: AnyFloats = 0.5 * (previous.leave_penalty.min() + next.enter_penalty)
+        least: AnyFloats = 0.5 * (previous.warp.leave_penalty.min() + next.warp.enter_penalty)
         return least
 
 
@@ -365,7 +366,7 @@ class Seed(Cost):
         return cls(context.seed)
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats:
-        part = np.where(layer.time_map_id >= 0, 2 * layer.time_map_id, 2 * layer.segment + 1)
+        part = np.where(layer.warp.time_map_id >= 0, 2 * layer.warp.time_map_id, 2 * layer.warp.segment + 1)
         of_part = _random_numbers(part.astype(np.uint64), self._seed)
         of_take = _random_numbers(layer.take.astype(np.uint64), self._seed + 2**32) < 0.5
         return 0.5 * (of_take + of_part)
@@ -419,7 +420,7 @@ class Stillness(Cost):
         low = min(int(frame), NODE_FRAMES - 1)
         slope = layer.source_frames[:, low + 1] - layer.source_frames[:, low]
         pose_m, velocity_m_s = self._poses.poses_m(
-            layer.clip, layer.source_frames[:, low] + (frame - low) * slope
+            layer.source, layer.source_frames[:, low] + (frame - low) * slope
         )
         speed_m_s = np.linalg.norm(velocity_m_s, axis=-1).mean(axis=1) * slope
         lifted_m = np.ptp(pose_m[:, _ANKLES, 1], axis=1)

@@ -302,7 +302,7 @@ def _to_plan(path: PlannedPath, weights: dict[str, float], request: DanceRequest
 def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest) -> PlannedSecond:
     """The planned second of a layer with one node. Its transition is at the start of the second."""
     repertoire = request.repertoire
-    clip, take = int(node.clip[0]), repertoire.takes[int(node.take[0])]
+    clip, take = int(node.warp.clip[0]), repertoire.takes[int(node.take[0])]
     clip_start_s = repertoire.clip_start_s(clip)
     times_s = clip_start_s + node.source_frames[0].astype(np.float64) / NET_FPS  # (21,)
     return PlannedSecond(
@@ -310,8 +310,8 @@ def _planned_second(node: Layer, costs: dict[str, float], request: DanceRequest)
         take=take.name,
         clip=clip,
         clip_start_s=clip_start_s,
-        segment_second=node.second - int(node.offset[0]),
-        offset=int(node.offset[0]),
+        segment_second=node.second - int(node.warp.offset[0]),
+        offset=int(node.warp.offset[0]),
         source_times_s=tuple(float(time) for time in times_s.round(5)),
         start_s=float(node.second),
         transition_s=TRANSITION_LENGTHS_S[request.config.blending][0],

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_floats, check_kind, unexpected
+from choreograph.core.errors import ParameterError
 from choreograph.core.numerics import AnyFloats, AnyInts, Floats
 from choreograph.core.progress import one_line
 from choreograph.core.timebase import CLIP_S, NET_FPS, NODE_FRAMES, SEGMENT_S
@@ -49,6 +50,81 @@ class PoseBank(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Warp:
+    """How the nodes of a layer were warped: N quarters of warped segments."""
+
+    segment: AnyInts
+    """(N,) second × K + rank, the same for all nodes of one warped segment."""
+
+    offset: AnyInts
+    """(N,) quarter of its segment that each node is, 0 to 3."""
+
+    clip: AnyInts
+    """(N,) index of each node's clip in the repertoire."""
+
+    time_map_id: AnyInts
+    """(N,) number that nodes of one continuous time map of a take with counts share, -1 for others."""
+
+    density_mismatch: AnyFloats
+    """(N,) mean squared difference of tempo-densities in this second."""
+
+    unmatched_beat: AnyFloats
+    """(N,) share of the motion and music beats of this second without a partner."""
+
+    first_beat: AnyFloats
+    """(N,) frame at 20 fps of the first motion beat in the second, nan if there is none."""
+
+    last_beat: AnyFloats
+    """(N,) frame at 20 fps of the last motion beat in the second, nan if there is none."""
+
+    off_bar: AnyFloats
+    """(N,) share of the beats of this second whose number in the bar is not that of the take."""
+
+    enter_penalty: AnyFloats
+    """(N,) penalty for entering the take here, 0 at the border of a figure or bar."""
+
+    leave_penalty: AnyFloats
+    """(N,) penalty for leaving the take at the end of the second."""
+
+    __repr__ = one_line
+
+    @property
+    def part(self) -> AnyInts:
+        """A number (N,) of each node in its segment or time map. -1 for the first node of a segment."""
+        in_segment = np.where(self.offset == 0, -1, self.segment * SEGMENT_S + self.offset)
+        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
+
+    @property
+    def next_part(self) -> AnyInts:
+        """The `part` (N,) of the node of the next second that continues each node."""
+        in_segment = self.segment * SEGMENT_S + self.offset + 1
+        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
+
+
+@dataclass(frozen=True, eq=False)
+class Danced:
+    """What has been danced along the cheapest path to each of N nodes, up to and with the node."""
+
+    take_usage_s: AnyFloats
+    """(N, columns) recent use of takes along the path, in seconds, decayed."""
+
+    motif_counts: AnyInts
+    """(N, M) how often each motif is danced along the cheapest path to the node. M is 0 if no cost uses
+    motifs."""
+
+    danced: AnyFloats
+    """(N, R) positions in takes at the moments that return, along the path, nan for later ones."""
+
+    turn_rad: AnyFloats
+    """(N,) rotation of the take in the dance, along the cheapest path to the node, in radians."""
+
+    place_m: AnyFloats
+    """(N, 2) place of the pelvis at the end of the second, along the path, in metres from the middle."""
+
+    __repr__ = one_line
+
+
+@dataclass(frozen=True, eq=False)
 class Layer:
     """All nodes that are active in one second of the song. Axis 0 of every array is the node.
 
@@ -58,8 +134,9 @@ class Layer:
     the first pose of its successor in the segment. `poses_m`, `headings_rad` and `travel_m` give the motion
     during the second.
 
-    In the mixer and the rollout, the nodes are the motion words of takes in one beat, and "the second" is
-    that beat. `clip` is then the take, and what belongs to the graph alone is 0, empty or nan.
+    What the warp of the graph engine says of the nodes is in `warp`, and what has been danced on the way to
+    them is in `path`. In the mixer and the rollout, the nodes are the motion words of takes in one beat, and
+    "the second" is that beat. Words have neither, and to read them raises `ParameterError`.
 
     Examples
     --------
@@ -81,20 +158,11 @@ class Layer:
     second: int
     """Second of the song, from 0 on."""
 
-    segment: AnyInts
-    """(N,) second × K + rank, the same for all nodes of one warped segment."""
-
-    offset: AnyInts
-    """(N,) quarter of its segment that each node is, 0 to 3."""
-
-    clip: AnyInts
-    """(N,) index of each node's clip in the repertoire."""
-
     take: AnyInts
     """(N,) index of each node's take in the repertoire."""
 
     usage_column: AnyInts
-    """(N,) column of `take_usage_s` of each node's take. Each take of candidates has one."""
+    """(N,) column of `path.take_usage_s` of each node's take. Each take of candidates has one."""
 
     take_names: NDArray[np.str_]
     """(N,) name of each node's take."""
@@ -105,38 +173,11 @@ class Layer:
     style: AnyFloats
     """(N, 32) style vector of each node's clip."""
 
-    take_usage_s: AnyFloats
-    """(N, columns) recent use of takes along the cheapest path to the node, in seconds, decayed."""
-
     take_frames: AnyFloats
     """(N, 2) frames of the take at 20 fps at the two borders of the second."""
 
-    density_mismatch: AnyFloats
-    """(N,) mean squared difference of tempo-densities in this second."""
-
-    unmatched_beat: AnyFloats
-    """(N,) share of the motion and music beats of this second without a partner."""
-
-    first_beat: AnyFloats
-    """(N,) frame at 20 fps of the first motion beat in the second, nan if there is none."""
-
-    last_beat: AnyFloats
-    """(N,) frame at 20 fps of the last motion beat in the second, nan if there is none."""
-
-    time_map_id: AnyInts
-    """(N,) number that nodes of one continuous time map of a take with counts share, -1 for others."""
-
     count_uncertainty: AnyFloats
     """(N,) uncertainty of the counts of the take here, 0 to 1. It is 0 if they are not estimated."""
-
-    off_bar: AnyFloats
-    """(N,) share of the beats of this second whose number in the bar is not that of the take."""
-
-    enter_penalty: AnyFloats
-    """(N,) penalty for entering the take here, 0 at the border of a figure or bar."""
-
-    leave_penalty: AnyFloats
-    """(N,) penalty for leaving the take at the end of the second."""
 
     heading_rad: AnyFloats
     """(N, 21) headings at the 20 frames and the end of the second, from the front of the take, in radians."""
@@ -147,15 +188,9 @@ class Layer:
     facing: AnyFloats
     """(N, 4) means of cosine and sine of the heading, and of twice the heading."""
 
-    turn_rad: AnyFloats
-    """(N,) rotation of the take in the dance, along the cheapest path to the node, in radians."""
-
     walk_m: AnyFloats
     """(N, M, 2) travel as `travel_m` at M shares of the second, in metres. M is 0 unless the stage has
     borders."""
-
-    place_m: AnyFloats
-    """(N, 2) place of the pelvis at the end of the second, along the path, in metres from the middle."""
 
     liveliness: AnyFloats
     """(N,) rank of the travel and width of the node, as danced, in its genre, 0 to 1."""
@@ -163,8 +198,11 @@ class Layer:
     steps: AnyFloats
     """(N,) rank of the density of the clip's steps in its genre, 0 to 1."""
 
+    source: AnyInts
+    """(N,) row of each node in `bank`: its clip, or the take of a word."""
+
     source_frames: AnyFloats
-    """(N, 21) frames of the clip at the 20 frames and the end of the second."""
+    """(N, 21) frames of the `source` at the 20 frames and the end of the second."""
 
     first_pose_m: AnyFloats
     """(N, 21, 3) pose where takes may change at the start of the second, in metres."""
@@ -181,13 +219,6 @@ class Layer:
     motifs: AnyInts
     """(N, W) motifs of the node's words in order, padded with -1. W is 0 if no cost uses motifs."""
 
-    motif_counts: AnyInts
-    """(N, M) how often each motif is danced along the cheapest path to the node. M is 0 if no cost uses
-    motifs."""
-
-    danced: AnyFloats
-    """(N, R) positions in takes at the moments that return, along the path, nan for later ones."""
-
     bank: PoseBank
     """The motion of all clips, for `poses_m`, `headings_rad` and `travel_m`."""
 
@@ -203,12 +234,40 @@ class Layer:
     steer_rad: float = 0.0
     """The most by which a transition rotates a take back to the front, in radians."""
 
+    _warp: Warp | None = None
+    _path: Danced | None = None
+    _word_parts: AnyInts | None = None
+
     __repr__ = one_line
 
     @property
     def n_nodes(self) -> int:
         """Number of nodes N."""
-        return len(self.segment)
+        return len(self.take)
+
+    @property
+    def warp(self) -> Warp:
+        """How the nodes were warped. Raises `ParameterError` for a layer of words, which are not."""
+        if self._warp is None:
+            raise ParameterError(f"expected a layer of the graph engine for its warp, {_OF_WORDS}")
+        return self._warp
+
+    @property
+    def path(self) -> Danced:
+        """What has been danced up to each node. Raises `ParameterError` for a layer of words."""
+        if self._path is None:
+            raise ParameterError(f"expected a layer of the graph engine for its path, {_OF_WORDS}")
+        return self._path
+
+    @property
+    def part(self) -> AnyInts:
+        """A number (N,) of each node in its continuous part of a take, at most one node of which is here."""
+        return self.warp.part if self._word_parts is None else self._word_parts
+
+    @property
+    def next_part(self) -> AnyInts:
+        """The `part` (N,) of the node of the next second that continues each node."""
+        return self.warp.next_part if self._word_parts is None else self._word_parts
 
     def subset(self, nodes: AnyInts | NDArray[np.bool_] | slice) -> Layer:
         """The layer with some of its nodes.
@@ -219,8 +278,8 @@ class Layer:
         try:
             if not isinstance(nodes, slice) and np.ndim(nodes) != 1:
                 raise IndexError
-            n_nodes = len(self.segment[nodes])
-            arrays = {name: rows_of(getattr(self, name), nodes, n_nodes) for name in ARRAYS}
+            n_nodes = len(self.take[nodes])
+            arrays = {name: rows_of(values, nodes, n_nodes) for name, values in arrays_by_name(self).items()}
         except (IndexError, ValueError):
             n_nodes = self.n_nodes
             raise unexpected(f"indices below {n_nodes} of nodes, or a mask ({n_nodes},)", nodes) from None
@@ -232,7 +291,7 @@ class Layer:
         `[..., 1]` is the height of each joint above the floor. Raises `ParameterError` for other shares.
         """
         frames = self._frames_at(shares)  # (N, M)
-        poses_m, _ = self.bank.poses_m(np.repeat(self.clip, frames.shape[1]), frames.ravel())
+        poses_m, _ = self.bank.poses_m(np.repeat(self.source, frames.shape[1]), frames.ravel())
         return poses_m.reshape(*frames.shape, *poses_m.shape[1:])
 
     def headings_rad(self, shares: Sequence[float] = SHARES) -> AnyFloats:
@@ -241,7 +300,7 @@ class Layer:
         They are continuous along a take, so a full turn adds 2π. In the dance, the take is rotated by
         `turn_rad` besides. Raises `ParameterError` for other shares.
         """
-        return self.bank.headings_rad(self.clip, self._frames_at(shares))
+        return self.bank.headings_rad(self.source, self._frames_at(shares))
 
     def travel_m(self, shares: Sequence[float] = SHARES) -> AnyFloats:
         """How far the pelvis is on the floor from where the second begins, (N, M, 2), x and z.
@@ -250,7 +309,7 @@ class Layer:
         `ParameterError` for other shares.
         """
         frames = np.concatenate([self.source_frames[:, :1], self._frames_at(shares)], axis=1)  # (N, 1 + M)
-        places_m = self.bank.places_m(self.clip, frames)
+        places_m = self.bank.places_m(self.source, frames)
         travel_m: AnyFloats = places_m[:, 1:] - places_m[:, :1]
         return travel_m
 
@@ -272,7 +331,7 @@ class Layer:
         shape or other values than whole numbers.
         """
         check_kind("motif counts", counts_before, np.ndarray)
-        shape = self.motif_counts.shape
+        shape = self.path.motif_counts.shape
         if counts_before.shape != shape or counts_before.dtype.kind not in "iu":
             raise unexpected(f"motif counts {shape} as whole numbers", counts_before)
         if counts_before.shape[1] == 0:
@@ -288,7 +347,7 @@ class Layer:
         Raises `ParameterError` for another shape or other values than floating-point numbers.
         """
         check_kind("usage of takes", usage_before_s, np.ndarray)
-        shape = self.take_usage_s.shape
+        shape = self.path.take_usage_s.shape
         if usage_before_s.shape != shape or usage_before_s.dtype.kind != "f":
             raise unexpected(f"usage of takes {shape} in seconds", usage_before_s)
         if usage_before_s.shape[1] == 0:
@@ -303,7 +362,7 @@ class Layer:
         Raises `ParameterError` for another shape or other values than floating-point numbers.
         """
         check_kind("danced positions", danced_before, np.ndarray)
-        shape = self.danced.shape
+        shape = self.path.danced.shape
         if danced_before.shape != shape or danced_before.dtype.kind != "f":
             raise unexpected(f"danced positions {shape}", danced_before)
         if shape[1] == 0:
@@ -332,28 +391,16 @@ class Layer:
         except (IndexError, ValueError):
             expected = f"indices ({self.n_nodes},) of nodes of the layer before, below {before.n_nodes}"
             raise unexpected(expected, parent) from None
-        turned, start_m = self, 0.0 * before.place_m[row]
+        turned, start_m = self, 0.0 * before.path.place_m[row]
         if before.second != self.second:
-            turn_rad, start_m = before.turn_rad[row], before.place_m[row]
+            turn_rad, start_m = before.path.turn_rad[row], before.path.place_m[row]
             ends_rad, starts_rad = before.join_heading_rad[row, 1], self.join_heading_rad[:, 0]
             joined = joined_rad(turn_rad, ends_rad, starts_rad, self.steer_rad)
             continues = before.next_part[row] == self.part
             turned = changed_layer(self, turn_rad=np.where(continues, turn_rad, joined))
         if self.walk_m.shape[1] == 0:
             return turned
-        return changed_layer(turned, place_m=start_m + rotated(self.walk_m[:, -1], turned.turn_rad))
-
-    @property
-    def part(self) -> AnyInts:
-        """A number (N,) of each node in its segment or time map. -1 for the first node of a segment."""
-        in_segment = np.where(self.offset == 0, -1, self.segment * SEGMENT_S + self.offset)
-        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
-
-    @property
-    def next_part(self) -> AnyInts:
-        """The `part` (N,) of the node of the next second that continues each node."""
-        in_segment = self.segment * SEGMENT_S + self.offset + 1
-        return np.where(self.time_map_id >= 0, -2 - self.time_map_id, in_segment)
+        return changed_layer(turned, place_m=start_m + rotated(self.walk_m[:, -1], turned.path.turn_rad))
 
     def successors_in(self, following: Layer) -> tuple[AnyInts, AnyInts]:
         """The pairs of nodes that are consecutive in one warped segment or time map.
@@ -369,8 +416,30 @@ class Layer:
         return row[follows], np.flatnonzero(follows)
 
 
+_OF_WORDS = "got one of words in the mixer or the rollout"
 _OF_ALL_NODES = ("second", "bank", "new_goal", "moments", "returns", "steer_rad")
-ARRAYS = tuple(f.name for f in fields(Layer) if f.name not in _OF_ALL_NODES)
+_WARP, _PATH = (frozenset(field.name for field in fields(kind)) for kind in (Warp, Danced))
+_OWN = tuple(f.name for f in fields(Layer) if f.name not in (*_OF_ALL_NODES, "_warp", "_path", "_word_parts"))
+
+
+def arrays_by_name(layer: Layer) -> dict[str, NDArray[Any]]:
+    """All arrays of a layer, its warp and its path by name, each with a row for every node."""
+    own = vars(layer)
+    arrays = {name: own[name] for name in _OWN}
+    for part in (layer._warp, layer._path):
+        if part is not None:
+            arrays.update(vars(part))
+    if layer._word_parts is not None:
+        arrays["_word_parts"] = layer._word_parts
+    return arrays
+
+
+def layer_of(values: dict[str, Any]) -> Layer:
+    """A layer of the graph engine from the values of its fields, its warp and its path, by name."""
+    warp = Warp(**{name: values[name] for name in _WARP})
+    path = Danced(**{name: values[name] for name in _PATH})
+    own = {name: value for name, value in values.items() if name not in _WARP and name not in _PATH}
+    return Layer(**own, _warp=warp, _path=path)
 
 
 def repeated(row: NDArray[Any], n_nodes: int) -> NDArray[Any]:
@@ -424,10 +493,21 @@ def position(take: AnyInts, first: AnyFloats, last: AnyFloats, share: float) -> 
 
 
 def changed_layer(layer: Layer, **values: Any) -> Layer:
-    """As `dataclasses.replace`, which takes 20 µs for so many fields. A search makes 60,000 layers."""
-    made = object.__new__(type(layer))
-    vars(made).update(vars(layer) | values)
-    return made
+    """The layer with other values of its fields, or of those of its warp or path, by name.
+
+    `dataclasses.replace` takes 20 µs for so many fields. A search makes 60,000 layers.
+    """
+    own = dict(vars(layer))
+    for part, names in (("_warp", _WARP), ("_path", _PATH)):
+        changed = {name: value for name, value in values.items() if name in names}
+        if changed:
+            made = object.__new__(type(own[part]))
+            vars(made).update(vars(own[part]) | changed)
+            own[part] = made
+    own.update({name: value for name, value in values.items() if name in own})
+    found = object.__new__(type(layer))
+    vars(found).update(own)
+    return found
 
 
 class WordLayers:
@@ -447,28 +527,25 @@ class WordLayers:
 
         The word that follows in the take is the successor in the next slot.
         """
-        v, bank, n_words = self._vocabulary, self._bank, len(words)
+        v, bank = self._vocabulary, self._bank
         take, start_s, end_s = v.word_take[words], v.word_start_s[words], v.word_end_s[words]
         shares = np.linspace(0.0, 1.0, NODE_FRAMES + 1)
         frames = NET_FPS * (start_s[:, None] + (end_s - start_s)[:, None] * shares)  # (M, 21) of the take
         speed = ((end_s - start_s) / length_s)[:, None, None]
         (first_m, first_m_s), (last_m, last_m_s) = (bank.poses_m(take, frames[:, at]) for at in (0, -1))
         headings_rad = bank.headings_rad(take, frames)
-        zeros, none, unknown = np.zeros(n_words), np.zeros((n_words, 0)), np.full(n_words, np.nan)
         return Layer(
-            second=second, segment=words, offset=np.zeros(n_words, np.int64), clip=take, take=take,
-            usage_column=take,
-            take_names=self._names[take], genre=self._genres[take], style=self._style[words],
-            take_usage_s=none, take_frames=frames[:, [0, -1]], density_mismatch=zeros, unmatched_beat=zeros,
-            first_beat=unknown, last_beat=unknown, time_map_id=(take + 1) * _TAKE_FRAMES + words - slot,
-            count_uncertainty=bank.count_uncertainty(take, frames[:, 0], frames[:, -1]), off_bar=zeros,
-            enter_penalty=zeros, leave_penalty=zeros, heading_rad=headings_rad,
-            join_heading_rad=headings_rad[:, [0, -1]], facing=facing(headings_rad), turn_rad=zeros,
+            second=second, take=take, usage_column=take, take_names=self._names[take],
+            genre=self._genres[take], style=self._style[words], take_frames=frames[:, [0, -1]],
+            count_uncertainty=bank.count_uncertainty(take, frames[:, 0], frames[:, -1]),
+            heading_rad=headings_rad, join_heading_rad=headings_rad[:, [0, -1]], facing=facing(headings_rad),
+            walk_m=np.zeros((len(words), 0, 2)),
             liveliness=bank.liveliness(take, frames[:, 0], frames[:, 0] + NET_FPS * speed[:, 0, 0]),
-            steps=self._steps[words], source_frames=frames, first_pose_m=first_m, last_pose_m=last_m,
+            steps=self._steps[words], source=take, source_frames=frames,
+            first_pose_m=first_m, last_pose_m=last_m,
             first_velocity_m_s=first_m_s * speed, last_velocity_m_s=last_m_s * speed,
-            motifs=v.word_motif[words, None], motif_counts=none.astype(np.int16), danced=none, bank=bank,
-            walk_m=np.zeros((len(words), 0, 2)), place_m=np.zeros((len(words), 2)),
+            motifs=v.word_motif[words, None], bank=bank,
+            _word_parts=(take + 1) * _TAKE_FRAMES + words - slot,
         )  # fmt: skip
 
 

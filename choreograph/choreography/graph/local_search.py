@@ -23,10 +23,10 @@ from choreograph.choreography.graph.cost import WeightedCost, allowed_nodes, edg
 from choreograph.choreography.graph.costs import F32
 from choreograph.choreography.graph.kernels import COMPILED_OF_PATH, NO_NODE, OF_NODES, arrays_of, extended
 from choreograph.choreography.graph.layers import (
-    ARRAYS,
     MIDDLE,
     USAGE_DECAY_S,
     Layer,
+    arrays_by_name,
     changed_layer,
     position,
     repeated,
@@ -48,9 +48,9 @@ _LEAST_GAIN = 1e-3  # a pass that gains less is the last
 
 def with_history(layer: Layer, before: Layer, parent: AnyInts | slice = slice(None)) -> Layer:
     """The layer with what depends on the path to each node: motifs, takes, positions and rotation."""
-    with_counts = layer.with_motif_counts(before.motif_counts[parent])
-    with_usage = with_counts.with_take_usage(before.take_usage_s[parent])
-    return with_usage.with_danced(before.danced[parent]).with_turn(before, parent)
+    with_counts = layer.with_motif_counts(before.path.motif_counts[parent])
+    with_usage = with_counts.with_take_usage(before.path.take_usage_s[parent])
+    return with_usage.with_danced(before.path.danced[parent]).with_turn(before, parent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +261,8 @@ class _Rest:
     @classmethod
     def of(cls, layers: Sequence[Layer], path: AnyInts) -> _Rest:
         """Count them along a path (S,) through the nodes of layers."""
-        counts = np.zeros((len(path), layers[0].motif_counts.shape[1]), np.int16)
-        usage_s = np.zeros((len(path), layers[0].take_usage_s.shape[1]), np.float32)
+        counts = np.zeros((len(path), layers[0].path.motif_counts.shape[1]), np.int16)
+        usage_s = np.zeros((len(path), layers[0].path.take_usage_s.shape[1]), np.float32)
         kept = np.float32(np.exp(-1.0 / USAGE_DECAY_S))
         for second in range(len(path) - 2, -1, -1):
             layer, node = layers[second + 1], path[second + 1]
@@ -274,7 +274,7 @@ class _Rest:
             if usage_s.shape[1]:
                 usage_s[second] = usage_s[second + 1] * kept
                 usage_s[second, layer.usage_column[node]] += 1.0
-        danced = np.full(layers[0].danced.shape[1], np.nan)
+        danced = np.full(layers[0].path.danced.shape[1], np.nan)
         for layer, node in zip(layers, path, strict=True):
             if layer.returns is not None:
                 first, last = layer.take_frames[node]
@@ -283,12 +283,12 @@ class _Rest:
 
     def added_to(self, layer: Layer, second: int, *, new_goal: bool = False) -> Layer:
         """The layer before `second`, as if the rest of the path after that second had been danced as well."""
-        counts = np.zeros_like(layer.motif_counts) if new_goal else layer.motif_counts
+        counts = np.zeros_like(layer.path.motif_counts) if new_goal else layer.path.motif_counts
         return changed_layer(
             layer,
             motif_counts=counts + self.motif_counts[second],
-            take_usage_s=layer.take_usage_s + self.take_usage_s[second],
-            danced=np.where(np.isnan(layer.danced), self.danced, layer.danced),
+            take_usage_s=layer.path.take_usage_s + self.take_usage_s[second],
+            danced=np.where(np.isnan(layer.path.danced), self.danced, layer.path.danced),
         )
 
 
@@ -310,16 +310,16 @@ def _with_few_columns(
     """
     motifs = np.unique(np.concatenate([layer.motifs.ravel() for layer in layers]))
     motifs = motifs[motifs >= 0]
-    number = np.full(layers[0].motif_counts.shape[1] + 1, -1, np.int16)  # the last one for no motif
+    number = np.full(layers[0].path.motif_counts.shape[1] + 1, -1, np.int16)  # the last one for no motif
     number[motifs] = np.arange(len(motifs))
     takes = np.unique(np.concatenate([layer.usage_column for layer in layers]))
-    takes = takes[: layers[0].take_usage_s.shape[1]]  # none if usage is not counted
+    takes = takes[: layers[0].path.take_usage_s.shape[1]]  # none if usage is not counted
     few = tuple(
         changed_layer(
             layer, motifs=number[layer.motifs],
-            motif_counts=_columns(layer.motif_counts, motifs),
+            motif_counts=_columns(layer.path.motif_counts, motifs),
             usage_column=np.searchsorted(takes, layer.usage_column),
-            take_usage_s=_columns(layer.take_usage_s, takes),
+            take_usage_s=_columns(layer.path.take_usage_s, takes),
         )
         for layer in layers
     )  # fmt: skip
@@ -386,8 +386,8 @@ class _CompiledNodes(CheapNodes):
 
     def _started(self, layer: Layer) -> _History:
         return (
-            np.ascontiguousarray(layer.turn_rad), np.ascontiguousarray(layer.take_usage_s),
-            np.ascontiguousarray(layer.danced), np.ascontiguousarray(layer.motif_counts),
+            np.ascontiguousarray(layer.path.turn_rad), np.ascontiguousarray(layer.path.take_usage_s),
+            np.ascontiguousarray(layer.path.danced), np.ascontiguousarray(layer.path.motif_counts),
         )  # fmt: skip
 
     def _step(
@@ -411,7 +411,7 @@ N_CHEAP = 128  # nodes of each second that are searched
 _MOST_WHOLE_S = 600  # of a dance whose nodes are kept with their poses: 85 MB
 _OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")  # of fixed costs
 _OF_NODES = (  # for costs of nodes
-    "style", "take_names", "genre", "heading_rad", "source_frames", "clip", "density_mismatch",
+    "style", "take_names", "genre", "heading_rad", "source", "source_frames", "clip", "density_mismatch",
     "unmatched_beat", "first_beat", "last_beat", "count_uncertainty", "off_bar", "enter_penalty",
     "leave_penalty", "liveliness", "steps",
 )  # fmt: skip
@@ -490,7 +490,7 @@ class CheapSoFar:
             rows = zip(self._nodes, found.tolist(), strict=True)
             return [layer.subset(slice(node, node + 1)) for (layer, _), node in rows]
         return [
-            self._source.node(int(layer.segment[node] * SEGMENT_S + layer.offset[node]))
+            self._source.node(int(layer.warp.segment[node] * SEGMENT_S + layer.warp.offset[node]))
             for (layer, _), node in zip(self._nodes, found.tolist(), strict=True)
         ]
 
@@ -510,14 +510,15 @@ class CheapSoFar:
         return node if self._has_poses else _without_poses(node, self._song_features), cost
 
     def _with_poses(self, layer: Layer) -> Layer:
-        return layer if self._has_poses else self._source.nodes(layer.segment, layer.offset)
+        return layer if self._has_poses else self._source.nodes(layer.warp.segment, layer.warp.offset)
 
 
 def _without_poses(layer: Layer, song_features: SongFeatures) -> Layer:
     """The layer with what the costs that depend on the path need alone."""
     is_needed = layer.second == 0 or last_pose(layer, song_features) is not None
     names = _OF_EDGES if is_needed else (*_OF_EDGES, *_OF_NODES)
-    return changed_layer(layer, **{name: _nothing(getattr(layer, name)) for name in names})
+    arrays = arrays_by_name(layer)
+    return changed_layer(layer, **{name: _nothing(arrays[name]) for name in names})
 
 
 def _nothing(values: NDArray[Any]) -> NDArray[Any]:
@@ -541,7 +542,7 @@ def including(
 ) -> tuple[tuple[Layer, NDArray[np.float64]], int]:
     """The nodes of a second with another one, which is made unless they contain it, and its index."""
     layer, cost = nodes
-    found = np.flatnonzero((layer.segment == segment) & (layer.offset == offset))
+    found = np.flatnonzero((layer.warp.segment == segment) & (layer.warp.offset == offset))
     if len(found) == 0:
         one, its_cost = make()
         return (_joined([layer, one]), np.append(cost, its_cost)), len(cost)
@@ -551,12 +552,13 @@ def including(
 def _joined(parts: Sequence[Layer]) -> Layer:
     """The nodes of several layers of one second, in order."""
     n_nodes = sum(part.n_nodes for part in parts)
+    arrays = [arrays_by_name(part) for part in parts]
 
     def joined(name: str) -> NDArray[Any]:
-        values = [getattr(part, name) for part in parts]
+        values = [of_part[name] for of_part in arrays]
         rows = [of_part[:1] for of_part in values if of_part.strides[0] == 0 or len(of_part) == 1]
         if len(rows) < len(parts) or any(row.tobytes() != rows[0].tobytes() for row in rows):
             return np.concatenate(values)
         return repeated(rows[0][0], n_nodes)  # one row of all nodes, as `subset` leaves it
 
-    return changed_layer(parts[0], **{name: joined(name) for name in ARRAYS})
+    return changed_layer(parts[0], **{name: joined(name) for name in arrays[0]})

@@ -92,7 +92,7 @@ class Signature(Cost):
     far, N words in it and the goal's signature s_k, the distance is Σ_k ½ (c_k - N s_k)² / (c_k + N s_k) / N.
     It is a sum over motifs, so each word costs the change that it makes: from -1 for a missing motif to 1 for
     a motif that is too frequent, times the seconds per word. The counts are those along the path to a node
-    (`Layer.motif_counts`), as in equation 5. There, a motif is missing compared with the dance so far, here
+    (`Danced.motif_counts`), as in equation 5. There, a motif is missing compared with the dance so far, here
     compared with the whole part. The paper has one goal for the whole song. Raise its weight for motifs whose
     shares are nearer to those of the goal.
     """
@@ -124,7 +124,7 @@ class Signature(Cost):
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
         if layer.second > 0:
             return None
-        counts = layer.motif_counts[:1].copy()  # one row of all nodes, which cannot be written
+        counts = layer.path.motif_counts[:1].copy()  # one row of all nodes, which cannot be written
         counted: AnyFloats = self._costs(counts, layer)[0]
         return counted
 
@@ -205,7 +205,7 @@ def _signature_steps(goal: MotifGoal, n_words: int, n_seconds: int) -> NDArray[n
 
 def _counts_before(previous: Layer, next: Layer) -> NDArray[np.integer]:
     """Counts (P, K) of motifs along the paths to `previous`, of the part that `next` is in."""
-    return np.zeros_like(previous.motif_counts) if next.new_goal else previous.motif_counts
+    return np.zeros_like(previous.path.motif_counts) if next.new_goal else previous.path.motif_counts
 
 
 class MotifTransition(Cost):

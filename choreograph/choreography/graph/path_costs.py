@@ -57,7 +57,7 @@ class FrontCost(Cost):
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         costs: AnyFloats = turned_costs(
-            previous.turn_rad, np.ascontiguousarray(previous.join_heading_rad[:, 1]),
+            previous.path.turn_rad, np.ascontiguousarray(previous.join_heading_rad[:, 1]),
             np.ascontiguousarray(next.join_heading_rad[:, 0]), next.steer_rad, previous.next_part, next.part,
             *heading_series(next, song_features), TURNED_TAKE,
         )  # fmt: skip
@@ -93,7 +93,7 @@ def last_pose(layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
     last = _frame_of_last_pose(song_features) - layer.second * NODE_FRAMES
     if not 0 <= last < NODE_FRAMES:
         return None
-    poses_m, _ = layer.bank.poses_m(layer.clip, layer.source_frames[:, last])
+    poses_m, _ = layer.bank.poses_m(layer.source, layer.source_frames[:, last])
     across_m = poses_m[:, _LEFT_HIP] - poses_m[:, _RIGHT_HIP]  # hips may be turned against the shoulders
     heading_rad = layer.heading_rad[:, last] + np.arctan2(-across_m[:, 2], across_m[:, 0])
     pose: AnyFloats = _LAST_POSE * np.stack([np.cos(heading_rad), np.sin(heading_rad)], axis=1)
@@ -195,21 +195,21 @@ class Variety(Cost):
     min_jump_cost = 0.0
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        if layer.second > 0 or layer.take_usage_s.shape[1] == 0:
+        if layer.second > 0 or layer.path.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = layer.take_usage_s[np.arange(layer.n_nodes), layer.usage_column] * PER_USAGE
+        usage: AnyFloats = layer.path.take_usage_s[np.arange(layer.n_nodes), layer.usage_column] * PER_USAGE
         return usage
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
-        if previous.take_usage_s.shape[1] == 0:
+        if previous.path.take_usage_s.shape[1] == 0:
             return None
-        usage: AnyFloats = previous.take_usage_s[:, next.usage_column] * PER_USAGE
+        usage: AnyFloats = previous.path.take_usage_s[:, next.usage_column] * PER_USAGE
         return usage
 
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | float:
-        if previous.take_usage_s.shape[1] == 0:
+        if previous.path.take_usage_s.shape[1] == 0:
             return 0.0
-        least: AnyFloats = previous.take_usage_s.min(axis=0)[next.usage_column] * PER_USAGE
+        least: AnyFloats = previous.path.take_usage_s.min(axis=0)[next.usage_column] * PER_USAGE
         return least
 
 
@@ -242,13 +242,13 @@ class FormCost(Cost):
             return None
         total = np.zeros(layer.n_nodes)
         for number, share in layer.moments:
-            total += self._cost(number, layer.danced[:, number], positions(layer, share))
+            total += self._cost(number, layer.path.danced[:, number], positions(layer, share))
         return total
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats | None:
         total: NDArray[np.float32] | None = None
         for number, share in moments_of(next):
-            danced = previous.danced[:, number]
+            danced = previous.path.danced[:, number]
             if np.isnan(danced).all():
                 continue
             cost = self._cost(number, danced[:, None], positions(next, share))
@@ -258,7 +258,7 @@ class FormCost(Cost):
     def min_edge_costs(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         least = np.zeros(next.n_nodes)
         for number, share in moments_of(next):
-            values = np.unique(previous.danced[:, number])
+            values = np.unique(previous.path.danced[:, number])
             least += self._cost(number, values[:, None], positions(next, share)).min(axis=0)
         return least
 
@@ -303,7 +303,7 @@ class StageCost(Cost):
 
     def edge(self, previous: Layer, next: Layer, song_features: SongFeatures) -> AnyFloats:
         beyond_m: AnyFloats = beyond_stage_m(
-            np.ascontiguousarray(previous.place_m), previous.turn_rad,
+            np.ascontiguousarray(previous.path.place_m), previous.path.turn_rad,
             np.ascontiguousarray(previous.join_heading_rad[:, 1]),
             np.ascontiguousarray(next.join_heading_rad[:, 0]), next.steer_rad, previous.next_part, next.part,
             np.ascontiguousarray(next.walk_m, np.float64), *self._half_m,

@@ -216,11 +216,11 @@ class _Nodes:
         starts, ends = np.ascontiguousarray(layer.take_frames.T, np.float64)
         self.at_start = (
             first_sq, first_velocity_sq, rms_speed_m_s(layer.first_velocity_m_s), starts,
-            layer.enter_penalty.astype(np.float32), first_motif(layer).astype(np.int64),
+            layer.warp.enter_penalty.astype(np.float32), first_motif(layer).astype(np.int64),
         )  # fmt: skip
         self.at_end = (
             last_sq, last_velocity_sq, rms_speed_m_s(layer.last_velocity_m_s), ends,
-            layer.leave_penalty.astype(np.float32), last_motif(layer).astype(np.int64),
+            layer.warp.leave_penalty.astype(np.float32), last_motif(layer).astype(np.int64),
         )  # fmt: skip
 
     def is_of(self, layer: Layer) -> bool:
@@ -249,17 +249,17 @@ class _CompiledEdges(_Edges):
     ) -> None:
         super().__init__(layer, following, costs, song_features)
         self._before, self.after = before, after
-        counts = np.ascontiguousarray(layer.motif_counts)
+        counts = np.ascontiguousarray(layer.path.motif_counts)
         seen = np.zeros_like(counts) if following.new_goal else counts
         weights = after.weights
         of_signature = weights[COMPILED.index(Signature)]
         earlier, self._least = bounds_of(weights, of_signature, seen, after.motifs, after.step_cost)
-        angles = angles_of(np.ascontiguousarray(layer.turn_rad), before.end_rad, after.start_rad)
-        danced = np.ascontiguousarray(layer.danced[:, after.number])
+        angles = angles_of(np.ascontiguousarray(layer.path.turn_rad), before.end_rad, after.start_rad)
+        danced = np.ascontiguousarray(layer.path.danced[:, after.number])
         self._stay = np.ones(following.n_nodes, np.float32)
         here, there = self.successors
         self._stay[there] = Completeness().staying(layer, following, here, there)
-        usage_s = np.ascontiguousarray(layer.take_usage_s)
+        usage_s = np.ascontiguousarray(layer.path.take_usage_s)
         self._history = (*angles[:4], before.next_part, usage_s, danced, seen, *before.at_end, before.take)
         self._ends = (
             *angles[4:], after.part, after.take, after.series, after.places, after.motifs, earlier,
@@ -281,11 +281,12 @@ class _CompiledEdges(_Edges):
 
     def from_one(self, last: Layer, node: int) -> F32:
         before, after, one = self._before, self.after, slice(node, node + 1)
-        counts = np.ascontiguousarray(last.motif_counts)
+        counts = np.ascontiguousarray(last.path.motif_counts)
+        turn_rad = np.ascontiguousarray(last.path.turn_rad)
         history = (
-            *angles_of(np.ascontiguousarray(last.turn_rad), before.end_rad[one], after.start_rad[:0])[:4],
-            before.next_part[one], np.ascontiguousarray(last.take_usage_s),
-            np.ascontiguousarray(last.danced[:, after.number]),
+            *angles_of(turn_rad, before.end_rad[one], after.start_rad[:0])[:4],
+            before.next_part[one], np.ascontiguousarray(last.path.take_usage_s),
+            np.ascontiguousarray(last.path.danced[:, after.number]),
             np.zeros_like(counts) if self._following.new_goal else counts,
             *(values[one] for values in before.at_end), before.take[one],
         )  # fmt: skip
@@ -470,12 +471,12 @@ class _GreedyPath:
 
     def _append(self, layer: Layer, node: int, before: Layer) -> None:
         self._last, self._node = with_history(layer.subset(np.array([node])), before), node
-        self.keys.append(int(self._last.segment[0] * 4 + self._last.offset[0]))
+        self.keys.append(int(self._last.warp.segment[0] * 4 + self._last.warp.offset[0]))
 
 
 def _node_keys(layer: Layer) -> NDArray[np.int32]:
     """The keys (N,) of `LayerSource.node`. They overflow after 12 days of song."""
-    return (layer.segment * SEGMENT_S + layer.offset).astype(np.int32)
+    return (layer.warp.segment * SEGMENT_S + layer.warp.offset).astype(np.int32)
 
 
 def _backtrack(parents: Sequence[NDArray[np.int32]], values: Sequence[AnyInts], last: int) -> list[int]:
@@ -539,8 +540,8 @@ def plan_motion_graph(
     terms: list[dict[str, float]] = []
     for second in range(n_seconds):
         layer = source.layer(second)
-        first = layer.offset == 0
-        inside = first & np.isin(layer.clip, allowed_clips)
+        first = layer.warp.offset == 0
+        inside = first & np.isin(layer.warp.clip, allowed_clips)
         layer = layer.subset(inside if inside.any() else first)
         total, smoothness = np.zeros((2, layer.n_nodes))
         for w in others:
@@ -577,13 +578,13 @@ def _largest_component(
     import networkx as nx  # for this planner only
 
     layers = map(source.layer, range(0, source.n_seconds, 4))
-    firsts = [layer.subset(layer.offset == 0) for layer in layers]
+    firsts = [layer.subset(layer.warp.offset == 0) for layer in layers]
     graph = nx.DiGraph()
     for done, (here, there) in enumerate(zip(firsts, [*firsts[1:], firsts[0]], strict=True), start=1):
         cost = np.asarray(Transition().edge(here, there, song_features))
         nearest = np.argsort(cost, axis=1)[:, :NEIGHBOURS]
         for row, columns in enumerate(nearest):
-            graph.add_edges_from((int(here.clip[row]), int(clip)) for clip in there.clip[columns])
+            graph.add_edges_from((int(here.warp.clip[row]), int(clip)) for clip in there.warp.clip[columns])
         if report is not None:
             report(done, len(firsts))
     largest = max(map(sorted, nx.strongly_connected_components(graph)), key=len)

@@ -19,8 +19,10 @@ from choreograph.choreography.graph.layers import (
     Layer,
     Moments,
     PoseBank,
+    arrays_by_name,
     changed_layer,
     facing,
+    layer_of,
     repeated,
 )
 from choreograph.choreography.graph.warp_kernels import segment_beats
@@ -353,27 +355,27 @@ class LayerSource:
             may = self._may_dance[second, self._clips.take[clip]]
             start, rank, clip = (of[may] if may.any() else of for of in (start, rank, clip))
         arrays: dict[str, Any] = rows_from(
-            [_arrays_of_nodes(layer) for layer in last],
-            [SEGMENT_S * layer.clip + layer.offset for layer in last],
+            [arrays_by_name(layer) for layer in last],
+            [SEGMENT_S * layer.warp.clip + layer.warp.offset for layer in last],
             SEGMENT_S * clip + second - start,
-            lambda new: _arrays_of_nodes(self._nodes(start[new], second - start[new], rank[new])),
+            lambda new: arrays_by_name(self._nodes(start[new], second - start[new], rank[new])),
         )
         arrays["segment"] = self._numbers(start, rank)
-        return Layer(second=second, bank=self._poses, **arrays)
+        return layer_of({"second": second, "bank": self._poses, **arrays})
 
     def _numbers(self, start: AnyInts, rank: AnyInts) -> AnyInts:
-        """`Layer.segment` of segments `rank` (N,) that are inserted at `start` (N,)."""
+        """`Warp.segment` of segments `rank` (N,) that are inserted at `start` (N,)."""
         numbers: AnyInts = start * self._segments.clip.shape[1] + rank
         return numbers
 
     def _in_dance(self, layer: Layer) -> Layer:
         """The layer with what depends on the dance and its seed, not on the segments alone."""
         walk_m = layer.travel_m(self._walk_at) if self._walk_at else layer.walk_m
-        start, rank = np.divmod(layer.segment, self._segments.clip.shape[1])
+        start, rank = np.divmod(layer.warp.segment, self._segments.clip.shape[1])
         return changed_layer(
             layer,
             walk_m=walk_m,
-            motifs=self._motifs[start, rank, layer.offset],
+            motifs=self._motifs[start, rank, layer.warp.offset],
             motif_counts=repeated(np.zeros(self._n_motifs, np.int16), layer.n_nodes),
             take_usage_s=repeated(self._usage_at_start_s, layer.n_nodes),
             usage_column=self._clips.usage_column[layer.take],
@@ -390,7 +392,7 @@ class LayerSource:
         return self.nodes(np.array([segment]), np.array([offset]))
 
     def nodes(self, segment: AnyInts, offset: AnyInts) -> Layer:
-        """The nodes of one second with these values (N,) of `Layer.segment` and `Layer.offset`."""
+        """The nodes of one second with these values (N,) of `Warp.segment` and `Warp.offset`."""
         start, rank = np.divmod(segment, self._segments.clip.shape[1])
         return self._in_dance(self._nodes(start, offset, rank))
 
@@ -417,50 +419,50 @@ class LayerSource:
         frames = offset[:, None] * NODE_FRAMES + np.arange(NODE_FRAMES + 1)
         source_frames = np.take_along_axis(maps, frames, axis=1)  # (N, 21)
         headings = self._poses.headings_rad(clip, source_frames)  # (N, 21)
-        return Layer(
-            second=int(start[0] + offset[0]),
-            segment=self._numbers(start, rank),
-            offset=offset,
-            clip=clip,
-            take=take,
-            usage_column=np.zeros(len(clip), np.int64),
-            take_names=clips.take_names[take],
-            genre=clips.genres[take],
-            style=clips.style[clip],
-            take_usage_s=np.zeros((len(clip), 0), np.float32),
-            take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
-            density_mismatch=segments.density_mismatch[start, rank, offset],
-            unmatched_beat=segments.unmatched_beat[start, rank, offset],
-            first_beat=segments.first_beat[start, rank, offset],
-            last_beat=segments.last_beat[start, rank, offset],
-            time_map_id=segments.time_map_id[start, rank],
-            count_uncertainty=self._poses.count_uncertainty(clip, source_frames[:, 0], source_frames[:, -1]),
-            off_bar=segments.off_bar[start, rank, offset],
-            enter_penalty=segments.phrase_penalty[start, rank, offset],
-            leave_penalty=segments.phrase_penalty[start, rank, offset + 1],
-            heading_rad=headings,
-            join_heading_rad=borders.heading_rad,
-            facing=facing(headings),
-            turn_rad=np.zeros(len(clip)),
-            walk_m=np.zeros((len(clip), 0, 2)),
-            place_m=np.zeros((len(clip), 2)),
-            liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
-            steps=clips.steps[clip],
-            source_frames=source_frames,
-            first_pose_m=np.ascontiguousarray(borders.pose_m[:, 0]),
-            last_pose_m=np.ascontiguousarray(borders.pose_m[:, 1]),
-            first_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 0]),
-            last_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 1]),
-            motifs=np.zeros((len(clip), 0), np.int16),
-            motif_counts=np.zeros((len(clip), 0), np.int16),
-            danced=np.zeros((len(clip), 0)),
-            bank=self._poses,
+        return layer_of(
+            dict(
+                second=int(start[0] + offset[0]),
+                segment=self._numbers(start, rank),
+                offset=offset,
+                clip=clip,
+                source=clip,
+                take=take,
+                usage_column=np.zeros(len(clip), np.int64),
+                take_names=clips.take_names[take],
+                genre=clips.genres[take],
+                style=clips.style[clip],
+                take_usage_s=np.zeros((len(clip), 0), np.float32),
+                take_frames=clips.start_frame[clip, None] + source_frames[:, ::NODE_FRAMES],
+                density_mismatch=segments.density_mismatch[start, rank, offset],
+                unmatched_beat=segments.unmatched_beat[start, rank, offset],
+                first_beat=segments.first_beat[start, rank, offset],
+                last_beat=segments.last_beat[start, rank, offset],
+                time_map_id=segments.time_map_id[start, rank],
+                count_uncertainty=self._poses.count_uncertainty(
+                    clip, source_frames[:, 0], source_frames[:, -1]
+                ),
+                off_bar=segments.off_bar[start, rank, offset],
+                enter_penalty=segments.phrase_penalty[start, rank, offset],
+                leave_penalty=segments.phrase_penalty[start, rank, offset + 1],
+                heading_rad=headings,
+                join_heading_rad=borders.heading_rad,
+                facing=facing(headings),
+                turn_rad=np.zeros(len(clip)),
+                walk_m=np.zeros((len(clip), 0, 2)),
+                place_m=np.zeros((len(clip), 2)),
+                liveliness=self._poses.liveliness(clip, source_frames[:, 0], source_frames[:, -1]),
+                steps=clips.steps[clip],
+                source_frames=source_frames,
+                first_pose_m=np.ascontiguousarray(borders.pose_m[:, 0]),
+                last_pose_m=np.ascontiguousarray(borders.pose_m[:, 1]),
+                first_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 0]),
+                last_velocity_m_s=np.ascontiguousarray(borders.velocity_m_s[:, 1]),
+                motifs=np.zeros((len(clip), 0), np.int16),
+                motif_counts=np.zeros((len(clip), 0), np.int16),
+                danced=np.zeros((len(clip), 0)),
+                bank=self._poses,
+            )
         )
-
-
-def _arrays_of_nodes(layer: Layer) -> dict[str, NDArray[Any]]:
-    """The arrays with a row for each node of a layer, by name."""
-    return {name: values for name, values in vars(layer).items() if isinstance(values, np.ndarray)}
 
 
 def one_per_time_map(time_map_ids: Sequence[AnyInts]) -> list[AnyInts]:
