@@ -40,7 +40,7 @@ from choreograph.nets.density_training import random_time_map, train_motion_dens
 from choreograph.nets.style import centred
 from choreograph.nets.style_training import StyleTake
 from choreograph.nets.training import TrainingContext
-from choreograph.settings import DENSITY
+from choreograph.pipeline.published import DENSITY
 from research.warp_scores import recovery_errors_ms, summary_ms
 
 SMOOTHING_FRAMES = 2.0

@@ -150,7 +150,7 @@ def test_the_commands_and_the_python_of_a_page_run(name, files, tmp_path, monkey
         if not BUILD.startswith(line):  # the library that lies here was made so, with the shortest trainings
             run_command(line)
     for block in blocks(PAGES[name], "python"):
-        exec(compile(block, name, "exec"), {})
+        exec(compile(block, name, "exec", dont_inherit=True), {})
 
 
 @pytest.mark.parametrize("name", PAGES)

@@ -199,7 +199,7 @@ class Low(cg.Cost):
 
 def planned(source, song_features, *costs):
     path = plan_exact(source, [WeightedCost(cost, 1.0) for cost in costs], song_features)
-    return [(int(node.segment[0]), int(node.offset[0])) for node in path.nodes]
+    return [(int(node.warp.segment[0]), int(node.warp.offset[0])) for node in path.nodes]
 
 
 @pytest.mark.slow
@@ -234,7 +234,7 @@ def test_costs_of_others_see_the_poses_of_a_long_dance():
     for second, node in enumerate(path[1:], start=1):
         layer = source.layer(second)
         lowest = int(layer.last_pose_m[:, 0, 1].argmin())
-        assert node == (int(layer.segment[lowest]), int(layer.offset[lowest]))
+        assert node == (int(layer.warp.segment[lowest]), int(layer.warp.offset[lowest]))
 
 
 def test_the_cheapest_nodes_are_those_reached_at_least_cost(monkeypatch):
@@ -262,12 +262,12 @@ def test_cheap_nodes_do_not_copy_what_all_nodes_of_a_second_have():
     (joined, _), _ = including((few, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
     for nodes in (few, joined):
         for name, n_columns in (("motif_counts", 5), ("take_usage_s", 2), ("danced", 2)):
-            values = getattr(nodes, name)
+            values = getattr(nodes.path, name)
             assert values.shape == (nodes.n_nodes, n_columns) and values.strides[0] == 0
     np.testing.assert_array_equal(
         joined.warp.clip, np.append(layer.warp.clip[[4, 1, 2]], source.node(0).warp.clip)
     )
     counted = few.with_motif_counts(few.path.motif_counts)
     (joined, _), _ = including((counted, np.zeros(3)), 999, 0, lambda: (source.node(0), np.zeros(1)))
-    np.testing.assert_array_equal(joined.motif_counts[:3], counted.motif_counts)
-    assert counted.motif_counts.any() and not joined.motif_counts[3].any()
+    np.testing.assert_array_equal(joined.path.motif_counts[:3], counted.path.motif_counts)
+    assert counted.path.motif_counts.any() and not joined.path.motif_counts[3].any()
