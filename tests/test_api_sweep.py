@@ -29,6 +29,7 @@ from synthetic_repertoire import (
 
 import choreograph as cg
 from choreograph.characters.character import perform
+from choreograph.choreography.graph.cost import CostContext
 from choreograph.core.counts import make_counts, numbers_in_bar
 from choreograph.library.schema import NetArrays
 from choreograph.library.writing import write_repertoire
@@ -224,6 +225,9 @@ def sound_layers(t: SimpleNamespace) -> dict[str, Sound]:
     layer = t.layer
     return {
         "Cost": sound(cg.Cost),
+        "Cost.for_dance": sound(
+            cg.Cost.for_dance, context=CostContext(0, None, layer.bank, None, (), t.features)
+        ),
         "Cost.edge": sound(cg.Cost().edge, previous=layer, next=t.next_layer, song_features=t.features),
         "Cost.min_edge_costs": sound(
             cg.Cost().min_edge_costs, previous=layer, next=t.next_layer, song_features=t.features

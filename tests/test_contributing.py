@@ -58,7 +58,7 @@ def test_a_cost_is_one_class_and_one_name_in_the_register(tmp_path):
     code = (
         "import choreograph as cg\n"
         "from choreograph.cli.main import main\n"
-        "from choreograph.studio.explain import of_dance, reasons, weight_choices\n"
+        "from choreograph.studio.dance_json import of_dance, reasons, weight_choices\n"
         "print([choice for choice in weight_choices() if choice['name'] == 'highhands'])\n"
         "song = cg.example_songs()['house']\n"
         "made = cg.dance(song, duration_s=3, candidates=8, planner='greedy', weights={'highhands': 2.0})\n"

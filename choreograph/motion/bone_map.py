@@ -1,6 +1,6 @@
 """Which bone of a rig is which joint: by its name, the user's map, the map of a VRM file, or structure.
 
-`joint_roles` knows the names that programs and data sets give to joints. `find_bones` and `take_bones` find
+`joint_roles` reads the names that programs and data sets give to joints. `find_bones` and `take_bones` find
 the bones of rigs with other names by the hierarchy and the positions in a pose.
 """
 

@@ -242,6 +242,7 @@ def timed_runs_of_seconds(plan: Plan) -> list[Run]:
 
 
 def runs_of_words(words: Sequence[PlannedWord]) -> list[Run]:
+    """The runs of a plan's words: words that follow each other in a take are one run."""
     return words_to_runs(
         [word.take for word in words],
         np.array([(word.start_s, word.end_s) for word in words]),

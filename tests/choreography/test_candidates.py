@@ -34,10 +34,10 @@ def starter():
 @pytest.fixture
 def sources(monkeypatch):
     """The layers of every search, as the planners get them."""
-    made = []
+    made, make_layers = [], engine.make_layers
 
     def kept(*arguments, **options):
-        made.append(engine.make_layers(*arguments, **options))
+        made.append(make_layers(*arguments, **options))
         return made[-1]
 
     monkeypatch.setattr(engine, "make_layers", kept)

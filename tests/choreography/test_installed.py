@@ -71,7 +71,7 @@ def test_an_installed_cost_takes_part_where_a_weight_names_it(repertoire, song, 
         assert all(second.costs["highhands"] < 0 for second in used.plan.seconds)
         assert "highhands" in run("settings", "weights").stdout
         (slider,) = (choice for choice in weight_choices() if choice["name"] == "highhands")
-        assert (slider["default"], slider["high"]) == (0.0, 4.0)
+        assert (slider["default"], slider["high"]) == (0.0, 1.0)
         explained = reasons({"highhands": 2.0}, of_dance())
         assert (
             explained[0]["sentence"]

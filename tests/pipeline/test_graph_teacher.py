@@ -12,6 +12,7 @@ from choreograph.library.building.networks import taught_dances
 from choreograph.motion.motion import Credits
 from choreograph.pipeline import building as graph_teacher
 from choreograph.pipeline.building import AGAIN_PER_GENRE, dances_to_teach, graph_dances, teach_rollout
+from choreograph.plan.plan import Plan
 
 SETTINGS = {"beats": "tempo-path", "seed": 0}
 
@@ -65,7 +66,8 @@ def test_the_songs_of_a_genre_are_danced_again_in_turn_with_other_seeds(
     monkeypatch.setattr(graph_teacher, "AGAIN_PER_GENRE", 1)
     assert len(dances_to_teach(to_clicks)) == 4
     assert first.song_path == second.song_path
-    assert not np.array_equal(first.motion.local_quat, second.motion.local_quat)
+    plans = [Plan.read(tmp_path / "dances" / f"{n}.json") for n in (0, 1)]
+    assert [plan.seed for plan in plans] == [3, 4]
 
 
 def test_a_call_after_a_stop_goes_on_with_the_plans_that_are_kept(

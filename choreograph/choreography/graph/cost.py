@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from choreograph.choreography.graph.layers import Layer, PhraseReturns, PoseBank
 from choreograph.choreography.motif_sequences import MotifGoal
-from choreograph.core.arguments import as_array, unexpected
+from choreograph.core.arguments import as_array, check_kind, unexpected
 from choreograph.core.errors import NoPathError, ParameterError
 from choreograph.core.numerics import AnyFloats
 from choreograph.music.song_features import SongFeatures
@@ -112,7 +112,9 @@ class Cost:
         """The cost for one dance, or None if the dance has nothing that it rates.
 
         Override it in a built-in cost that is made with arguments. Costs of users are given as they are.
+        Raises `ParameterError` for another context.
         """
+        check_kind("the context of a cost", context, CostContext)
         return cls()
 
     def node(self, layer: Layer, song_features: SongFeatures) -> AnyFloats | None:

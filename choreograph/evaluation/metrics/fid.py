@@ -84,7 +84,7 @@ class GeometricRelation:
     unit: Literal["humerus", "shoulders", "hips", "degree"] = "humerus"
 
 
-def measure_lengths(pos_m: Floats) -> Lengths:
+def _measure_lengths(pos_m: Floats) -> Lengths:
     """Measure the dancer's lengths in positions (T, 24, 3), metres: medians over time, humeri averaged."""
 
     def length_m(a: str, b: str) -> float:
@@ -97,7 +97,7 @@ def measure_lengths(pos_m: Floats) -> Lengths:
     )
 
 
-def relation_shares(
+def _relation_shares(
     relations: tuple[GeometricRelation, ...], pos_m: Floats, fps: float, lengths_m: Lengths
 ) -> Floats:
     """Share of the frames 1 … T - 1 of positions (T, 24, 3) in which each relation holds, (R,), 0 … 1.
@@ -347,8 +347,8 @@ def geometric(pos_m: NDArray[np.floating], fps: float, *, variant: Variant = "co
     """
     pos = validate(pos_m, fps, variant)
     if variant == "published":
-        return relation_shares(PUBLISHED_RELATIONS, pos, _PUBLISHED_RELATION_FPS, _PUBLISHED_LENGTHS_M)
-    return relation_shares(CORRECTED_RELATIONS, pos, FEATURE_FPS, measure_lengths(pos))
+        return _relation_shares(PUBLISHED_RELATIONS, pos, _PUBLISHED_RELATION_FPS, _PUBLISHED_LENGTHS_M)
+    return _relation_shares(CORRECTED_RELATIONS, pos, FEATURE_FPS, _measure_lengths(pos))
 
 
 def features_of(
