@@ -26,7 +26,7 @@ extensions = [
 ]
 root_doc = "index"
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-exclude_patterns = ["README.md"]
+exclude_patterns = ["README.md", "_figures"]  # pieces of pages, which include them
 default_role = "literal"
 smartquotes = False
 
