@@ -73,11 +73,7 @@ def test_an_installed_cost_takes_part_where_a_weight_names_it(repertoire, song, 
         (slider,) = (choice for choice in weight_choices() if choice["name"] == "highhands")
         assert (slider["default"], slider["high"]) == (0.0, 1.0)
         explained = reasons({"highhands": 2.0}, of_dance())
-        assert (
-            explained[0]["sentence"]
-            == slider["sentence"]
-            == "Prefers seconds with a joint high above the floor."
-        )
+        assert explained[0]["sentence"] == slider["sentence"] == "All joints are near to the floor."
     with pytest.raises(cg.ParameterError, match="got 'highhands'"):
         cg.dance(song, repertoire, weights={"highhands": 2.0})
 
