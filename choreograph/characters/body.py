@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from choreograph.core.numerics import Floats, descendants
+from choreograph.core.numerics import Floats
 from choreograph.formats.gltf import Rig, SkinPoints
 from choreograph.motion import rotations as rot
 from choreograph.motion.contacts import estimate_floor_m, smooth_cover, sole_pos_m
@@ -29,7 +29,7 @@ from choreograph.motion.hands import (
 )
 from choreograph.motion.kinematics import forward, move_limb, to_local
 from choreograph.motion.motion import Motion
-from choreograph.motion.skeleton import Skeleton, canonical_skeleton
+from choreograph.motion.skeleton import Skeleton, canonical_skeleton, descendants
 
 # The shape of the body around its bones.
 

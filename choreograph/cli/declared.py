@@ -71,7 +71,7 @@ class Input(click.Path):
 
     `kind` says what is in it, such as a "song" or a "plan". `inside` returns the path that a text may
     contain, or an empty text. Without it, the whole value is a path. How large files may be is in
-    `core.budgets`.
+    `core.files`.
     """
 
     def __init__(self, kind: str, inside: Callable[[str], str] | None = None) -> None:

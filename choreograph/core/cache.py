@@ -39,8 +39,7 @@ from numpy.typing import NDArray
 from choreograph.core.errors import ChoreographError
 from choreograph.core.files import atomic_path, cache_folder
 from choreograph.core.numerics import AnyInts
-from choreograph.core.pickles import unpickled
-from choreograph.core.standins import Named, Unbuilt
+from choreograph.core.pickles import Named, Unbuilt, unpickled
 from choreograph.core.workers import FEWEST, each
 
 PACKAGE = __name__.partition(".")[0]

@@ -1,9 +1,9 @@
-"""Numerics for several rooms: default settings, blocks of frames, distances, ranks, interpolation."""
+"""Numerics for several rooms: default settings, blocks of frames, distances and interpolation."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 import numpy as np
@@ -102,24 +102,6 @@ def frame_blocks(n_frames: int, size: int = BLOCK_FRAMES) -> Iterator[slice]:
         yield slice(start, min(start + size, n_frames))
 
 
-def sums_before(blocks: Iterable[AnyFloats], frames: AnyInts) -> Floats:
-    """Sums (..., D) of all rows before each of `frames` (...), 0 to T, of rows (T, D) in blocks.
-
-    Rows are added one after another, so that the result does not depend on the sizes of the blocks.
-    """
-    sums = np.zeros((*np.shape(frames), 0))
-    before, position = np.zeros(0), 0
-    for block in blocks:  # (T_b, D)
-        if position == 0:
-            before = np.zeros(block.shape[1])
-            sums = np.zeros((*np.shape(frames), block.shape[1]))
-        running = np.cumsum(np.concatenate([before[None], block]), axis=0)  # (T_b + 1, D)
-        inside = (frames > position) & (frames <= position + len(block))
-        sums[inside] = running[frames[inside] - position]
-        before, position = running[-1], position + len(block)
-    return sums
-
-
 # Distances. `squared_distances` is 2 to 15 times faster than `scipy.spatial.distance.cdist` for many vectors.
 # Use cdist where both sides are small or equal vectors must be at a distance of exactly 0.
 
@@ -182,30 +164,3 @@ def continued_spline(knots: Floats, values: Floats, at: Floats | float) -> Float
     for past, rate, slope in zip(beyond, spline(knots[[0, -1]], 1), slopes, strict=True):
         inside = inside + past * np.clip(rate, *sorted((0.5 * slope, 2.0 * slope)))
     return inside
-
-
-# Hierarchies of joints or bones, every parent before its children.
-
-
-def descendants(parents: NDArray[np.int64], top: int) -> list[int]:
-    """A joint and all joints below it, in order, of a hierarchy with parents (J,), -1 for a root."""
-    found = {top}
-    for joint in range(top + 1, len(parents)):
-        if int(parents[joint]) in found:
-            found.add(joint)
-    return sorted(found)
-
-
-# Zigzag encoding of signed 16-bit integers as unsigned ones: 0, -1, 1, -2 become 0, 1, 2, 3.
-#
-# The high byte of a small number is 0 for both signs, so that differences compress well.
-
-
-def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
-    """Signed integers (...) int16 as unsigned ones (...) uint16."""
-    return ((integers << 1) ^ (integers >> 15)).view(np.uint16)
-
-
-def zigzag_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
-    """The integers (...) int16 that `zigzag_encode` has encoded."""
-    return ((encoded >> 1) ^ -(encoded & 1)).view(np.int16)

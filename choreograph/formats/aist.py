@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import DATA_SET, NO_COUNTS, Counts, make_counts, numbers_in_bar
 from choreograph.core.errors import FormatError
-from choreograph.core.files import read_bytes, read_text
+from choreograph.core.files import BUDGETS, read_bytes, read_text
 from choreograph.core.pickles import unpickled
 from choreograph.formats.amass import numbers_of, rotated_world, smpl_motion
 from choreograph.formats.axes_and_units import rotation_to_y_up

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.arguments import as_number
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import read_bytes
-from choreograph.core.numerics import Floats, descendants, frame_blocks
+from choreograph.core.files import BUDGETS, read_bytes
+from choreograph.core.numerics import Floats, frame_blocks
 from choreograph.core.progress import one_line
 from choreograph.core.settings import settings
 from choreograph.formats.axes_and_units import known_roles, rotation_to_y_up, to_rotated_axes, unit_m
@@ -32,7 +31,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones, take_bones
 from choreograph.motion.kinematics import forward
 from choreograph.motion.motion import Credits, Motion, Take, check_length
-from choreograph.motion.skeleton import MAX_JOINTS, Skeleton
+from choreograph.motion.skeleton import MAX_JOINTS, Skeleton, descendants
 
 # The text of a file as arrays, in its own units and axes.
 

@@ -26,9 +26,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import check_regular
+from choreograph.core.files import BUDGETS, check_regular
 from choreograph.core.numerics import Floats
 from choreograph.formats.axes_and_units import rotation_from_upward
 from choreograph.formats.manifest import SkippedFile, each_attempted

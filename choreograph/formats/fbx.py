@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
+from choreograph.core.files import BUDGETS
 from choreograph.formats import gltf
 from choreograph.formats.glb import GlbWriter
 from choreograph.formats.writer import Writer

@@ -22,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import read_bytes
+from choreograph.core.files import BUDGETS, read_bytes
 from choreograph.core.numerics import Floats
 from choreograph.formats.aist import arrays_of, has_scaling
 from choreograph.formats.amass import LARGEST_NUMBER, numbers_of, rotated_world, smpl_motion

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from choreograph.core.counts import Counts, Figure
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.numerics import Floats, descendants
+from choreograph.core.numerics import Floats
 from choreograph.core.timebase import STORE_FPS, frame_times_s
 from choreograph.formats.axes_and_units import unit_m
 from choreograph.formats.gltf_document import MAX_ENTRIES, GltfDocument, marks_of, read_gltf
@@ -26,7 +26,7 @@ from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import PosedBones, roles_by_names, take_bones
 from choreograph.motion.kinematics import to_local
 from choreograph.motion.motion import LONGEST_S, MAX_FRAME_JOINTS, Credits, Motion, Take
-from choreograph.motion.skeleton import MAX_JOINTS, Skeleton
+from choreograph.motion.skeleton import MAX_JOINTS, Skeleton, descendants
 
 # The bones of a character.
 

@@ -25,10 +25,9 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import ANNOTATED, DATA_SET, NO_COUNTS, Counts, Figure, make_counts
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import without_garbage_collection
+from choreograph.core.files import BUDGETS, without_garbage_collection
 from choreograph.core.numerics import Floats
 
 # The schema of the parts of a document that are read. It is checked once, before anything is read.

@@ -20,10 +20,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import check_regular
-from choreograph.core.standins import array_of_bytes, number_kind
+from choreograph.core.files import BUDGETS, check_regular
+from choreograph.core.pickles import array_of_bytes, number_kind
 from choreograph.formats.writer import DANCE_GENERATOR, GENERATOR, Writer
 from choreograph.motion import rotations as rot
 from choreograph.motion.motion import FARTHEST_M, Credits, Motion, Take, check_length

@@ -21,10 +21,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.counts import Figure
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.files import read_bytes
+from choreograph.core.files import BUDGETS, read_bytes
 from choreograph.core.numerics import Floats
 from choreograph.core.timebase import frame_times_s, seconds_to_frames
 from choreograph.formats.writer import Writer

@@ -14,13 +14,13 @@ import numpy as np
 
 from choreograph.core import __version__
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, descendants
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import Body, standing_body
-from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton import Skeleton, descendants
 
 GENERATOR = f"choreograph {__version__}"
 DANCE_GENERATOR = f"{GENERATOR}: a dance"  # marks files that a new dance may replace

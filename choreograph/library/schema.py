@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import RepertoireError
-from choreograph.core.numerics import zigzag_decode, zigzag_encode
 from choreograph.core.timebase import CLIP_FRAMES
 
 FORMAT = "choreograph-repertoire"
@@ -422,3 +421,18 @@ def expect(condition: bool, message: str) -> None:
     """Raise `RepertoireError` with a message unless a condition holds."""
     if not condition:
         raise RepertoireError(message)
+
+
+# Zigzag encoding of signed 16-bit integers as unsigned ones: 0, -1, 1, -2 become 0, 1, 2, 3.
+#
+# The high byte of a small number is 0 for both signs, so that differences compress well.
+
+
+def zigzag_encode(integers: NDArray[np.int16]) -> NDArray[np.uint16]:
+    """Signed integers (...) int16 as unsigned ones (...) uint16."""
+    return ((integers << 1) ^ (integers >> 15)).view(np.uint16)
+
+
+def zigzag_decode(encoded: NDArray[np.uint16]) -> NDArray[np.int16]:
+    """The integers (...) int16 that `zigzag_encode` has encoded."""
+    return ((encoded >> 1) ^ -(encoded & 1)).view(np.int16)

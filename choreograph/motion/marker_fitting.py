@@ -19,12 +19,12 @@ import numpy as np
 import scipy
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, descendants
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.bone_map import joint_roles
 from choreograph.motion.cleaning import bridge_flips, smoothed_angle
 from choreograph.motion.kinematics import forward, to_local
-from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton
+from choreograph.motion.skeleton import CANONICAL_JOINTS, Skeleton, canonical_skeleton, descendants
 
 # Gauss-Newton refinement of fitted rotations, which spreads the residual along each limb.
 

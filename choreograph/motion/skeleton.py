@@ -210,3 +210,12 @@ def canonical_skeleton() -> Skeleton:
         tip_parents=np.array([index[name] for name in tips]),
         tips_m=np.array(list(tips.values())),
     )
+
+
+def descendants(parents: NDArray[np.int64], top: int) -> list[int]:
+    """A joint and all joints below it, in order, of a hierarchy with parents (J,), -1 for a root."""
+    found = {top}
+    for joint in range(top + 1, len(parents)):
+        if int(parents[joint]) in found:
+            found.add(joint)
+    return sorted(found)

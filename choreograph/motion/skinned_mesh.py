@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import Floats, descendants
+from choreograph.core.numerics import Floats
 from choreograph.motion import rotations as rot
 from choreograph.motion.mannequin import (
     MeshPiece,
@@ -25,7 +25,7 @@ from choreograph.motion.mannequin import (
 )
 from choreograph.motion.motion import Motion
 from choreograph.motion.retargeting import standing_body
-from choreograph.motion.skeleton import Skeleton
+from choreograph.motion.skeleton import Skeleton, descendants
 
 # Parts of the mannequin: `SkinnedMesh.parts` are indices into this and into the rows of its `palette`.
 PARTS = (

@@ -19,10 +19,10 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.counts import FROM_MUSIC, Counts, time_at
-from choreograph.core.numerics import Floats, Indices, frame_blocks, sums_before
+from choreograph.core.numerics import Floats, Indices, frame_blocks
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, times_to_frames
 from choreograph.music.beats import checked_beat_times_s
-from choreograph.music.mel import checked_log_mel, level_rise, mel_band_hz, windows_around
+from choreograph.music.mel import checked_log_mel, level_rise, mel_band_hz, sums_before, windows_around
 from choreograph.music.spectral import chroma_filterbank
 
 # Features of the music at every beat, from which bars are estimated.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import pairwise
 
@@ -10,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import frame_blocks
+from choreograph.core.numerics import AnyFloats, AnyInts, Floats, frame_blocks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import MUSIC_FPS, SAMPLE_RATE_HZ, SEGMENT_S, seconds_to_frames
 from choreograph.music.song import SILENCE_PEAK, peak_of
@@ -280,3 +281,21 @@ def checked_log_mel(log_mel: NDArray[np.floating]) -> NDArray[np.float32]:
     if log_mel.ndim != 2 or log_mel.shape[1] != MEL_BANDS or len(log_mel) == 0:
         raise ParameterError(f"expected log-mel (T, {MEL_BANDS}), got an array of shape {log_mel.shape}")
     return log_mel
+
+
+def sums_before(blocks: Iterable[AnyFloats], frames: AnyInts) -> Floats:
+    """Sums (..., D) of all rows before each of `frames` (...), 0 to T, of rows (T, D) in blocks.
+
+    Rows are added one after another, so that the result does not depend on the sizes of the blocks.
+    """
+    sums = np.zeros((*np.shape(frames), 0))
+    before, position = np.zeros(0), 0
+    for block in blocks:  # (T_b, D)
+        if position == 0:
+            before = np.zeros(block.shape[1])
+            sums = np.zeros((*np.shape(frames), block.shape[1]))
+        running = np.cumsum(np.concatenate([before[None], block]), axis=0)  # (T_b + 1, D)
+        inside = (frames > position) & (frames <= position + len(block))
+        sums[inside] = running[frames[inside] - position]
+        before, position = running[-1], position + len(block)
+    return sums

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from choreograph.core.arguments import as_array
 from choreograph.core.counts import Counts
 from choreograph.core.errors import ParameterError
-from choreograph.core.numerics import AnyFloats, Floats, frame_blocks, sums_before
+from choreograph.core.numerics import AnyFloats, Floats, frame_blocks
 from choreograph.core.progress import StepReport
 from choreograph.core.timebase import (
     MUSIC_FPS,
@@ -50,6 +50,7 @@ from choreograph.music.mel import (
     loudness,
     onset_envelopes,
     scaled,
+    sums_before,
 )
 from choreograph.music.song import SILENCE_PEAK, Song, sample_blocks
 from choreograph.music.spectral import spectral_features

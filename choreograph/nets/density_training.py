@@ -31,8 +31,7 @@ from choreograph.nets.density import MotionDecoder, MotionDensity, MusicDensity,
 from choreograph.nets.inference import MEL_FRAMES
 from choreograph.nets.processes import own_rows
 from choreograph.nets.style import centred, rotated_about_y
-from choreograph.nets.style_augmentation import MelChange, augment_mel
-from choreograph.nets.style_training import StyleTake
+from choreograph.nets.style_training import MelChange, StyleTake, augment_mel
 from choreograph.nets.training import TrainingContext, forked_rng, load_pretrained, steps_of_epochs, train
 
 # Training data: clips with known warps, and music with its target density.

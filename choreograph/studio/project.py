@@ -28,9 +28,9 @@ from typing import Any, Literal
 
 from choreograph.choreography.scenes import FORMATIONS, parse_schedule
 from choreograph.core.arguments import check_choice, check_text, is_number, is_whole, unexpected
-from choreograph.core.budgets import BUDGETS
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import (
+    BUDGETS,
     atomic_path,
     check_target,
     free_names,

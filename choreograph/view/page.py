@@ -37,10 +37,11 @@ from numpy.typing import NDArray
 
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import atomic_path, check_apart, check_target
-from choreograph.core.numerics import frame_blocks, zigzag_encode
+from choreograph.core.numerics import frame_blocks
 from choreograph.core.progress import StepReport, part
 from choreograph.formats.gltf_document import GltfDocument
 from choreograph.formats.writer import DANCE_GENERATOR
+from choreograph.library.schema import zigzag_encode
 from choreograph.motion import rotations as rot
 from choreograph.motion.cameras import CameraPath
 from choreograph.motion.motion import Motion

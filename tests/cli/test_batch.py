@@ -15,8 +15,7 @@ from schedulers import scheduler_with_workers
 from choreograph.cli.dance import DanceJob, SongDances, _Sent, _with_files_inside
 from choreograph.cli.dance import command as dance
 from choreograph.cli.dance_options import DanceOptions, FileOptions, options_of
-from choreograph.core.clusters import Cluster
-from choreograph.core.staging import on_staged, sent_files, staged
+from choreograph.core.clusters import Cluster, on_staged, sent_files, staged
 from choreograph.formats.bvh import read_bvh
 
 

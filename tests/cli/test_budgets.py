@@ -12,7 +12,7 @@ from command_line import all_commands, assert_one_line, run
 from synthetic_characters import CHARACTERS, write_character
 
 from choreograph.cli.declared import Changed, Input, Output
-from choreograph.core.budgets import BUDGETS
+from choreograph.core.files import BUDGETS
 
 MOTIONS = {"bvh": "bvh", "c3d": "c3d", "vmd": "vmd", "npy": "npy", "pkl": "pkl", "glb": "gltf"}
 # By the kind of an input, the suffixes of its files and their budgets. Songs and repertoires have none.

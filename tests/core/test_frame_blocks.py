@@ -10,12 +10,13 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from synthetic_motions import swaying
 
-from choreograph.core.numerics import BLOCK_FRAMES, frame_blocks, sums_before, zigzag_encode
+from choreograph.core.numerics import BLOCK_FRAMES, frame_blocks
 from choreograph.core.timebase import SAMPLE_RATE_HZ
+from choreograph.library.schema import zigzag_encode
 from choreograph.motion import rotations as rot
 from choreograph.motion.body import body_indices, body_pos_m
 from choreograph.motion.motion_beats import SMOOTHING_S, mean_joint_speed_m_s
-from choreograph.music.mel import ONSET_RANGE, band_means, loudness, onset_envelopes, scaled
+from choreograph.music.mel import ONSET_RANGE, band_means, loudness, onset_envelopes, scaled, sums_before
 from choreograph.music.song_features import energy_per_second
 from choreograph.view.page import ROTVEC_STEP_RAD, compress_motion, deflate_base64
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from choreograph.core.clusters import on_staged, sent_files, staged
 from choreograph.core.errors import FormatError, ParameterError
-from choreograph.core.staging import on_staged, sent_files, staged
 
 
 @dataclass(frozen=True)

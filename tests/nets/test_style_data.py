@@ -9,8 +9,7 @@ from choreograph.motion.body import mirrored
 from choreograph.music.rhythm import METRE, PATTERN, RHYTHM_DIM, TEMPO
 from choreograph.nets.configs import style_config
 from choreograph.nets.style import centred
-from choreograph.nets.style_augmentation import MelChange, augment_mel, augment_rhythm
-from choreograph.nets.style_training import StyleData, count_beats
+from choreograph.nets.style_training import MelChange, StyleData, augment_mel, augment_rhythm, count_beats
 
 RNG = np.random.default_rng(0)
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from choreograph.core.numerics import zigzag_decode, zigzag_encode
+from choreograph.library.schema import zigzag_decode, zigzag_encode
 
 ALL = np.arange(-(2**15), 2**15).astype(np.int16)
 
