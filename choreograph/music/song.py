@@ -25,15 +25,14 @@ from choreograph.core.arguments import as_number, as_texts, check_text, unexpect
 from choreograph.core.cache import NO_CACHE, DiskCache
 from choreograph.core.errors import FormatError, ParameterError
 from choreograph.core.files import as_path, check_regular, sha256_of
+from choreograph.core.long_songs import ScratchFile, is_long, scratch_file
 from choreograph.core.numerics import default_numerics, frame_blocks
 from choreograph.core.progress import one_line
-from choreograph.core.scratch import ScratchFile, scratch_file
 from choreograph.core.timebase import SAMPLE_RATE_HZ, SEGMENT_S
 from choreograph.music.decoding import Blocks, decode
 
 SILENCE_PEAK = 1e-4  # -80 dB. A song with a lower peak amplitude counts as silent
 _MAX_BYTES = 4 << 20  # of what is known of files of songs in the cache
-_MOST_IN_MEMORY = 600 * SAMPLE_RATE_HZ  # samples: 53 MB. More of a song are in a file
 _BLOCK_SAMPLES = 1 << 20
 _LONG_S = 3600.0
 _LONGEST_S = 3 * 3600.0
@@ -352,7 +351,7 @@ def joined_samples(blocks: Iterable[NDArray[np.float32]]) -> NDArray[np.float32]
     for block in blocks:
         parts.append(block)
         n_samples += len(block)
-        if n_samples > _MOST_IN_MEMORY and has_room:
+        if is_long(n_samples / SAMPLE_RATE_HZ) and has_room:
             file = file or scratch_file()
             has_room = file is not None and _moved(parts, file)
     if file is not None and file.n_bytes:

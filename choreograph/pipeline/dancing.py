@@ -28,8 +28,8 @@ from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.counts import Figure
 from choreograph.core.errors import ParameterError
 from choreograph.core.files import as_path, check_apart
-from choreograph.core.free_memory import memory_returned
 from choreograph.core.kernel_cache import compiled_ahead
+from choreograph.core.long_songs import memory_returned
 from choreograph.core.numerics import default_numerics, one_thread
 from choreograph.core.progress import ProgressReport, counted, substage
 from choreograph.core.settings import changed

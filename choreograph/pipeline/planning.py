@@ -17,7 +17,7 @@ from choreograph.choreography.enforcement import danced_embeddings, danced_motif
 from choreograph.choreography.engine import DanceRequest, Engine, EngineResult
 from choreograph.choreography.slots import KeptDance, ResolvedConstraints
 from choreograph.core.cache import Memory
-from choreograph.core.free_memory import LONG_S
+from choreograph.core.long_songs import is_long
 from choreograph.core.progress import StepReport, part, substage
 from choreograph.core.timebase import seconds_to_frames
 from choreograph.library.repertoire import Repertoire
@@ -64,7 +64,7 @@ def plan_and_render(
     then in the memory, or before the rest of the final plan is rendered.
     """
     repertoire, report = request.repertoire, substage(request.report, "rendering")
-    is_long = request.song_features.duration_s > LONG_S and not request.memory.is_on
+    saves_memory = is_long(request.song_features.duration_s) and not request.memory.is_on
     memory, unshown, n_rendered = request.memory, [first] if first is not None else [], 0
 
     def show(plan: Plan) -> None:
@@ -72,7 +72,7 @@ def plan_and_render(
         render_planned(plan, repertoire, memory)
 
     result = engine.plan(replace(request, likely=show) if unshown and memory.is_on else request)
-    if result.check is not None and not (memory.is_on or is_long):
+    if result.check is not None and not (memory.is_on or saves_memory):
         memory = Memory(_KEPT_BYTES)
     while result.check is not None:
         steps = (_STEPS * count for count in (n_rendered, n_rendered + 1, max(_USUAL, n_rendered + 1)))
@@ -83,7 +83,7 @@ def plan_and_render(
         if report is not None:
             report(*[_STEPS * max(_USUAL, n_rendered)] * 2)
         return result, result.motion
-    if is_long:
+    if saves_memory:
         repertoire.forget_rows()  # of clips, which have 70 MB
     if unshown and result.generated is None:
         unshown.pop().show(result.plan, repertoire, memory)

@@ -13,7 +13,7 @@ import numpy as np
 from choreograph.core.arguments import check_function, check_kind, unexpected
 from choreograph.core.cache import NO_MEMORY, Memory
 from choreograph.core.errors import ParameterError
-from choreograph.core.free_memory import memory_returned
+from choreograph.core.long_songs import memory_returned
 from choreograph.core.numerics import Floats, default_numerics
 from choreograph.core.progress import StepReport, part
 from choreograph.core.timebase import NET_FPS, seconds_to_frames

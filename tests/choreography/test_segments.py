@@ -16,6 +16,7 @@ from choreograph.choreography.graph.warping import (
     subsequence_dtw,
     warp_by_density,
 )
+from choreograph.core import long_songs
 from choreograph.core.cache import Memory
 from choreograph.core.counts import NO_COUNTS, make_counts, numbers_in_bar
 from choreograph.core.timebase import MAX_SLOPE, MIN_SLOPE
@@ -177,7 +178,8 @@ def mixed():
 @pytest.mark.parametrize("few", [0, 2, 8])
 @pytest.mark.parametrize("recent", [1, 2])
 def test_the_time_maps_of_a_long_song_are_made_again_where_they_are_read(mixed, few, recent, monkeypatch):
-    for name, value in (("_MOST_KEPT_S", 0), ("_RECENT_S", recent), ("_FEW", few)):
+    monkeypatch.setattr(long_songs, "LONG_S", 0.0)
+    for name, value in (("_RECENT_S", recent), ("_FEW", few)):
         monkeypatch.setattr(module, name, value)
     long = warped(counted=counted_clips())
     assert long.time_maps.shape == (N_SECONDS, 3, 0)

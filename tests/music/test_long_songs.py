@@ -9,8 +9,9 @@ import pytest
 import soundfile
 
 import choreograph as cg
+from choreograph.core import long_songs
+from choreograph.core.long_songs import ScratchFile
 from choreograph.core.numerics import frame_blocks
-from choreograph.core.scratch import ScratchFile
 from choreograph.core.timebase import SAMPLE_RATE_HZ
 from choreograph.music import song as song_module
 from choreograph.music.bars import beat_evidence, track_bars
@@ -29,7 +30,7 @@ BEATS_S = np.arange(0.31, 22.0, 0.49)
 
 @pytest.fixture(autouse=True)
 def little_memory(monkeypatch):
-    monkeypatch.setattr(song_module, "_MOST_IN_MEMORY", 10_000)
+    monkeypatch.setattr(long_songs, "LONG_S", 10_000 / SAMPLE_RATE_HZ)
     monkeypatch.setattr(song_module, "_BLOCK_SAMPLES", 4_099)
 
 
@@ -126,7 +127,7 @@ def test_songs_of_files_are_the_same_in_any_format(name, rate_hz, n_channels, pa
     sound *= np.linspace(0.5, 1.0, n_channels)
     soundfile.write(path, sound, rate_hz)
     found = as_song("a song", path, start_s=start_s, duration_s=duration_s)
-    monkeypatch.setattr(song_module, "_MOST_IN_MEMORY", 1 << 30)
+    monkeypatch.setattr(long_songs, "LONG_S", 600.0)
     whole = cg.load_song(path, start_s=start_s, duration_s=duration_s)
     assert is_stored(found.samples) and not is_stored(whole.samples)
     assert np.array_equal(found.samples, whole.samples)

@@ -324,9 +324,7 @@ def test_a_long_song_in_blocks_and_files_has_the_dance_of_a_short_one(settings, 
     arguments = {"duration_s": 9.3, "cache": False, **settings}
     whole = cg.dance(cg.example_songs()["cha-cha"], **arguments)
     for name, limit in (
-        ("music.song._MOST_IN_MEMORY", 20_000), ("choreography.graph.local_search._MOST_WHOLE_S", 0),
-        ("choreography.graph.segments._MOST_KEPT_S", 0), ("core.free_memory.LONG_S", 0.0),
-        ("pipeline.planning.LONG_S", 0.0), ("choreography.mixer.engine.LONG_S", 0.0),
+        ("core.long_songs.LONG_S", 1.0),
         ("choreography.enforcement.WORDS_AT_ONCE", 128), ("choreography.rollout.engine.WORDS_AT_ONCE", 128),
     ):  # fmt: skip
         monkeypatch.setattr(f"choreograph.{name}", limit)

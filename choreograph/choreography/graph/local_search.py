@@ -34,8 +34,8 @@ from choreograph.choreography.graph.layers import (
 from choreograph.choreography.graph.motif_costs import Signature
 from choreograph.choreography.graph.path_costs import FormCost, last_pose
 from choreograph.choreography.graph.segments import LayerSource
+from choreograph.core.long_songs import StoredArrays, is_long
 from choreograph.core.numerics import AnyInts
-from choreograph.core.scratch import StoredArrays
 from choreograph.core.timebase import SEGMENT_S
 from choreograph.music.song_features import SongFeatures
 
@@ -408,7 +408,6 @@ class _CompiledNodes(CheapNodes):
 
 
 N_CHEAP = 128  # nodes of each second that are searched
-_MOST_WHOLE_S = 600  # of a dance whose nodes are kept with their poses: 85 MB
 _OF_EDGES = ("first_pose_m", "last_pose_m", "first_velocity_m_s", "last_velocity_m_s")  # of fixed costs
 _OF_NODES = (  # for costs of nodes
     "style", "take_names", "genre", "heading_rad", "source", "source_frames", "clip", "density_mismatch",
@@ -431,10 +430,10 @@ class CheapSoFar:
         self._source, self._costs, self._song_features = source, costs, song_features
         self._fixed = [weighted for weighted in costs if not weighted.cost.of_path]
         of_path = [weighted for weighted in costs if weighted.weight and weighted.cost.of_path]
-        self._has_poses = source.n_seconds <= _MOST_WHOLE_S or not is_compiled(of_path)
+        self._has_poses = not is_long(source.n_seconds) or not is_compiled(of_path)
         self._nodes: list[_Nodes] = []
         # Those of a long dance are on disk: 0.24 GB for an hour.
-        self._edge_cost = StoredArrays(in_memory=source.n_seconds <= _MOST_WHOLE_S)
+        self._edge_cost = StoredArrays(in_memory=not is_long(source.n_seconds))
         self._coming: Future[F32] | None = None  # which are being evaluated
         self._last: tuple[Layer, NDArray[np.int64]] | None = None  # with its poses, and its nodes' indices
 

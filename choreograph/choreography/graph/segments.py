@@ -34,6 +34,7 @@ from choreograph.choreography.graph.warping import (
     warp_by_density,
 )
 from choreograph.core.cache import NO_MEMORY, Memory, rows_from
+from choreograph.core.long_songs import is_long
 from choreograph.core.numerics import AnyFloats, AnyInts
 from choreograph.core.timebase import NET_FPS, NODE_FRAMES, SEGMENT_FRAMES, SEGMENT_S
 from choreograph.motion.motion_beats import MIN_PROMINENCE
@@ -42,7 +43,6 @@ NEAR_FRAMES = 1.0  # 50 ms, up to which beats match fully
 FAR_FRAMES = 5.0  # 250 ms, beyond which beats do not match at all
 _UNKNOWN_OFF_BAR = 0.75  # of a take without counts, as by chance in a bar of four
 _KEY_BYTES = 16  # of the key of a memory
-_MOST_KEPT_S = 600  # of a song whose time maps are kept: 30 MB. Those of a longer song are made again
 _RECENT_S = 8  # whose time maps are kept in a longer song
 _FEW = 8  # segments, whose time maps are made without the others of their second
 
@@ -159,7 +159,7 @@ def warp_segments(
             as_recorded=as_recorded, smoothed=smoothed,
         )[0]  # fmt: skip
 
-    is_long = n_seconds > _MOST_KEPT_S and not memory.is_on
+    are_made_again = is_long(n_seconds) and not memory.is_on  # time maps, of which ten minutes have 30 MB
     stored: dict[str, Any] = {}
     # Alignment by counts is many short steps of NumPy, which threads would slow down.
     n_threads = 1 if counted is not None else os.cpu_count()
@@ -167,7 +167,7 @@ def warp_segments(
         each_second = map if n_threads == 1 else pool.map
         for second, warped in enumerate(each_second(warp, range(n_seconds))):
             arrays = _arrays_of(warped) | {"inputs": warped.inputs}
-            if is_long:
+            if are_made_again:
                 arrays["time_maps"] = arrays["time_maps"][:, :0]
             for name, array in arrays.items():
                 if name not in stored:
@@ -176,7 +176,7 @@ def warp_segments(
             if report is not None:
                 report(second + 1, n_seconds)
     segments = Segments(**stored)
-    return replace(segments, made_again=TimeMaps(made_again, segments.clip)) if is_long else segments
+    return replace(segments, made_again=TimeMaps(made_again, segments.clip)) if are_made_again else segments
 
 
 def _arrays_of(segments: Segments) -> dict[str, Any]:

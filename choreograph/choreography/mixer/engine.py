@@ -27,7 +27,7 @@ from choreograph.choreography.passages import SlotCosts, draw_dance, first_slots
 from choreograph.choreography.slots import ResolvedConstraints
 from choreograph.core.arguments import as_stage_m
 from choreograph.core.errors import NoPathError, ParameterError
-from choreograph.core.free_memory import LONG_S
+from choreograph.core.long_songs import is_long
 from choreograph.core.numerics import Floats, Indices
 from choreograph.library.repertoire import Repertoire
 from choreograph.motion.motion import Motion
@@ -151,7 +151,7 @@ class Mixing:
         """The plan of the best words that are left. It is checked if motifs have to be shown."""
         constraints = self._request.constraints
         words = self._search(self._candidates)
-        if self._request.song_features.duration_s > LONG_S:  # of an hour, the poses have 0.13 GB
+        if is_long(self._request.song_features.duration_s):  # of an hour, the poses have 0.13 GB
             self._candidates = [replace(one, first_m=_NO_POSES, last_m=_NO_POSES) for one in self._candidates]
         plan = _to_plan(words, self._locked, self._pool, self._request)
         if not (constraints.constrains_motifs or self._insists.any()):
@@ -169,7 +169,7 @@ class Mixing:
         best = self._best
         if best.n_violations == (0, 0) or (self._n_rendered >= _ROUNDS and not best.broken):
             return EngineResult(best.plan, self._notes(len(best.wrong)), motion=best.motion)
-        if self._request.song_features.duration_s > LONG_S:
+        if is_long(self._request.song_features.duration_s):
             self._candidates = [
                 _with_poses(slot, one, self._pool) for slot, one in enumerate(self._candidates)
             ]
